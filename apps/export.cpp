@@ -1,14 +1,10 @@
 // graupel export: trajectory -> files that other programs read.
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 
 #include "apps/verbs.h"
-#include "core/system/error.h"
+#include "experiments/export/export_run.h"
 #include "experiments/process/common_options.h"
-#include "experiments/process/outputs.h"
-#include "io/export/export.h"
-#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::apps {
 
@@ -16,63 +12,60 @@ using namespace experiments;
 
 namespace {
 
-struct ExportOptions {
+struct ExportVerb {
   CommonOptions common;
-  std::string input, output, format = "vtp";
-  int trajectory = 0;
+  ExportRequest request;
 };
 
-void export_forces(const ExportOptions& options, const io::TrajectoryReader& reader, const std::string& name) {
-  io::ForceTable table;
-  table.names = reader.contact_names(options.trajectory);
-  table.forces = reader.contact_forces(options.trajectory);
-  if (table.names.empty())
-    throw InputError("'" + options.input +
-                     "' stores no forces on obstacles and walls. Make it by graupel simulate SCENE --forces");
-  for (const ParticleFrame& frame : reader.header(options.trajectory).frames) table.times.push_back(frame.time);
-  const std::string file = options.output.empty() ? name + "_forces.csv" : options.output;
-  check_output_file(file);
-  check_apart({{"the trajectory", options.input}}, {{"--output", file}});
-  io::export_forces(table, file);
-  std::fprintf(stderr, "%s: forces on %zu obstacles and walls in %zu frames\n", file.c_str(), table.names.size(),
-               table.times.size());
-}
-
-void export_trajectory(ExportOptions& options) {
-  options.common.apply();
-  const io::TrajectoryReader reader(options.input);
-  if (options.trajectory < 0 || options.trajectory >= reader.count())
-    throw ConfigError("--trajectory " + std::to_string(options.trajectory) + " is not in '" + options.input +
-                      "' (allowed: 0 to " + std::to_string(reader.count() - 1) + ")");
-  const std::string name = std::filesystem::path(options.input).stem();
-  if (options.format == "csv") return export_forces(options, reader, name);
-  const Trajectory trajectory = reader.read(options.trajectory);
-  const std::string folder = options.output.empty() ? name + "_" + options.format : options.output;
-  if (options.format == "vtp") io::export_vtp(trajectory, folder, name);
-  if (options.format == "ply") io::export_ply(trajectory, folder, name);
-  if (options.format == "vdb") io::export_vdb_points(trajectory, folder, name);
-  std::fprintf(stderr, "%s: %zu frames of %zu particles as .%s\n", folder.c_str(), trajectory.frame_count(),
-               trajectory.particle_count(), options.format.c_str());
+void export_verb(ExportVerb& verb) {
+  verb.common.apply();
+  const ExportResult result = export_trajectory(verb.request);
+  std::fprintf(stderr, "%s: %lld frames of %lld particles as .%s\n", result.folder.c_str(),
+               static_cast<long long>(result.frames), static_cast<long long>(result.particles),
+               verb.request.format.c_str());
 }
 
 }  // namespace
 
 void add_export(const Command& app) {
-  auto options = std::make_shared<ExportOptions>();
-  const Command verb = app.command("export", "Write a trajectory for ParaView, Blender, Houdini");
-  verb.option("trajectory", options->input, "Trajectory or data-set file (.h5)").required();
-  verb.option("-f,--format", options->format, "vtp (with .pvd), ply or vdb (points); csv (forces, one file)")
-      .check(one_of({"vtp", "ply", "vdb", "csv"}))
+  auto verb = std::make_shared<ExportVerb>();
+  ExportRequest& request = verb->request;
+  const Command command =
+      app.command("export", "Write a trajectory for ParaView, Blender, Houdini; films and pictures");
+  command.option("trajectory", request.input, "Trajectory or data-set file (.h5)").required();
+  command
+      .option("-f,--format", request.format,
+              "Particles: vtp (with .pvd), ply, vdb, bgeo, usda; with --surface: obj, ply, vtp, vdb, usda; pictures: "
+              "png, gif, mp4; csv: forces on obstacles and walls, one file")
+      .check(one_of(export_formats()))
       .show_default();
-  verb.option("-o,--output", options->output, "Folder; default NAME_FORMAT (csv: file; default NAME_forces.csv)");
-  verb.option("--trajectory", options->trajectory, "Which trajectory of a data set")
+  command.option("-o,--output", request.folder, "Folder; default NAME_FORMAT (csv: file; default NAME_forces.csv)");
+  command.option("--name", request.name, "Of the files; default the trajectory file's");
+  command.option("--trajectory", request.trajectory, "Which trajectory of a data set")
       .check(whole_number(0))
       .show_default();
-  options->common.add_to(verb);
-  verb.footer(
-      "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n  graupel export data/hgn/test.h5 --trajectory "
-      "3 --format ply");
-  verb.callback([options] { export_trajectory(*options); });
+  command.option("--frames", request.frames, "FIRST:LAST:STRIDE, each optional; or one frame. Default all");
+  command.flag("--surface", request.surface, "The materials' surfaces, a mesh or level set each, instead of particles");
+  command
+      .option("--radius", request.radius,
+              "Of the spheres about particles that make the surface [m]; default 1.5 times their spacing, 0.75 dx "
+              "with 8 in a cell")
+      .check(real_number(LowerBound::above_zero));
+  command.option("--voxel", request.voxel, "Of the surface's level set [m]; default half of the spacing")
+      .check(real_number(LowerBound::above_zero));
+  command.option("--smoothing", request.smoothing, "Passes of mean curvature flow over the surface; default 3")
+      .check(whole_number(0, 100));
+  command.option("--rate", request.rate, "Pictures of a film a second; default as the run's frames, at most 60")
+      .check(real_number(1, 240));
+  command.option("--width", request.width, "Of pictures, even [pixels]").check(whole_number(64, 7680)).show_default();
+  command.option("--height", request.height, "Of pictures, even [pixels]").check(whole_number(64, 4320)).show_default();
+  verb->common.add_to(command);
+  command.footer(
+      "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n"
+      "  graupel export steps.h5 --surface --format usda --frames 0:60:2\n"
+      "  graupel export steps.h5 --format mp4\n"
+      "  graupel export data/hgn/test.h5 --trajectory 3 --format ply");
+  command.callback([verb] { export_verb(*verb); });
 }
 
 }  // namespace graupel::apps

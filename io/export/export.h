@@ -1,20 +1,76 @@
-// Writes trajectories in the formats other programs read. Particles that are not in the run in a frame are left out.
+// Writes particles and their surfaces in the formats other programs read, frame by frame.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "core/scene/contact_force.h"
 #include "core/scene/trajectory.h"
+#include "io/surface/particle_surface.h"
 
 namespace graupel::io {
 
-/// ParaView: one binary .vtp a frame and a .pvd with the times.
-void export_vtp(const Trajectory& trajectory, const std::string& folder, const std::string& name);
-/// Binary little-endian .ply a frame: x y z vx vy vz type.
-void export_ply(const Trajectory& trajectory, const std::string& folder, const std::string& name);
-/// OpenVDB points a frame (Houdini, Arnold): attributes P, v, id, type. In io/export/export_vdb.cpp.
-void export_vdb_points(const Trajectory& trajectory, const std::string& folder, const std::string& name);
+/// Where files go, and what formats tell of the whole run.
+struct ExportTarget {
+  std::string folder, name;      ///< files are <folder>/<name>_0007.vtp; see prepare_export
+  double frame_time = 1.0 / 60;  ///< [s]
+  double point_size = 0.01;      ///< diameter of the particles, as drawn [m]
+  char up_axis = 'Y';            ///< 'Y' or 'Z': the one against gravity
+};
+
+/// The particles of a frame that are in the run.
+struct PointFrame {
+  double time = 0;                     ///< [s]
+  std::vector<Vec3f> position;         ///< [n, 3] [m]
+  std::vector<Vec3f> velocity;         ///< [n, 3] [m/s]; empty where it was not stored
+  std::vector<int32_t> particle_type;  ///< [n]
+  std::vector<int32_t> id;             ///< [n] place in the trajectory
+  std::vector<float> volume_ratio;     ///< [n] J; empty where the fields that tell it were not stored
+};
+/// Of frame `frame` of a trajectory with these types. J is what the field `plastic` holds for water, jelly, neo_hookean
+/// and toothpaste, and det F by `deformation_gradient` for the others; 1 for those without stress.
+PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame);
+/// The fields that J is read from.
+inline constexpr std::array volume_ratio_fields = {ParticleField::plastic, ParticleField::deformation_gradient};
+
+/// The particles of one material, under its surface.
+struct MaterialSurface {
+  std::string material;  ///< name of the particles' type
+  int32_t particle_type = 0;
+  ParticleSurface surface;
+};
+/// By ascending type; the names of materials in messages follow `where`.
+std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const SurfaceSettings& settings,
+                                         const std::string& where);
+
+/// A sequence of frames in one format. Files appear when they are whole; without finish() a sequence lacks the file
+/// that binds it (.pvd), or is not there (.usda).
+class PointWriter {
+ public:
+  virtual ~PointWriter() = default;
+  /// Ascending frame numbers. Throws IoError, and DivergedError where a format cannot hold positions that are not
+  /// finite.
+  virtual void write(int64_t frame, const PointFrame& points) = 0;
+  virtual void finish() {}
+};
+/// vtp (ParaView), ply, vdb (points), bgeo (Houdini), usda.
+const std::vector<std::string>& point_formats();
+/// Makes the folder. Throws ConfigError for another format or a name with other characters than A-Z a-z 0-9 . _ -.
+std::unique_ptr<PointWriter> make_point_writer(const std::string& format, const ExportTarget& target);
+
+/// The same for surfaces, one file a frame and material.
+class SurfaceWriter {
+ public:
+  virtual ~SurfaceWriter() = default;
+  virtual void write(int64_t frame, double time, const std::vector<MaterialSurface>& surfaces) = 0;
+  virtual void finish() {}
+};
+/// obj, ply, vtp, vdb (level set and velocities), usda.
+const std::vector<std::string>& surface_formats();
+std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& format, const ExportTarget& target);
 
 /// The forces of a trajectory.
 struct ForceTable {

@@ -1,39 +1,141 @@
-// Names and folders of exported frames.
+// Names and folders of exported frames, and which writer a format has.
 #include "io/export/export_frames.h"
 
+#include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <utility>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 
 namespace graupel::io {
 
-void prepare_export(const Trajectory& trajectory, const std::string& folder, const std::string& name) {
+namespace {
+
+template <typename Writer>
+using Makers = std::vector<std::pair<std::string, std::unique_ptr<Writer> (*)(const ExportTarget&)>>;
+
+const Makers<PointWriter>& point_makers() {
+  static const Makers<PointWriter> makers = {{"vtp", make_vtp_points},
+                                             {"ply", make_ply_points},
+                                             {"vdb", make_vdb_points},
+                                             {"bgeo", make_bgeo_points},
+                                             {"usda", make_usda_points}};
+  return makers;
+}
+
+const Makers<SurfaceWriter>& surface_makers() {
+  static const Makers<SurfaceWriter> makers = {{"obj", make_obj_surfaces},
+                                               {"ply", make_ply_surfaces},
+                                               {"vtp", make_vtp_surfaces},
+                                               {"vdb", make_vdb_surfaces},
+                                               {"usda", make_usda_surfaces}};
+  return makers;
+}
+
+template <typename Writer>
+std::vector<std::string> names_of(const Makers<Writer>& makers) {
+  std::vector<std::string> names;
+  for (const auto& [name, make] : makers) names.push_back(name);
+  return names;
+}
+
+template <typename Writer>
+std::unique_ptr<Writer> make_writer(const Makers<Writer>& makers, const std::string& format, const ExportTarget& target,
+                                    const char* what) {
+  std::string allowed;
+  for (const auto& [name, make] : makers) {
+    if (name == format) return make(target);
+    allowed += (allowed.empty() ? "" : ", ") + name;
+  }
+  throw ConfigError(std::string(what) + " are not written as '" + format + "' (allowed: " + allowed +
+                    "). Choose one of these");
+}
+
+}  // namespace
+
+const std::vector<std::string>& point_formats() {
+  static const std::vector<std::string> names = names_of(point_makers());
+  return names;
+}
+std::unique_ptr<PointWriter> make_point_writer(const std::string& format, const ExportTarget& target) {
+  return make_writer(point_makers(), format, target, "particles");
+}
+
+const std::vector<std::string>& surface_formats() {
+  static const std::vector<std::string> names = names_of(surface_makers());
+  return names;
+}
+std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& format, const ExportTarget& target) {
+  return make_writer(surface_makers(), format, target, "surfaces");
+}
+
+void prepare_export(const ExportTarget& target) {
   const char* allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
+  const std::string& name = target.name;
   if (name.empty() || name.find_first_not_of(allowed) != std::string::npos)
     throw ConfigError("'" + name + "' cannot name exported files (allowed: letters, digits, '.', '_', '-'). " +
                       "Choose another name");
-  if (trajectory.frames.empty()) throw ConfigError("the trajectory has no frames (0). Export another one");
-  make_folder(folder);
+  make_folder(target.folder);
 }
 
-ActiveFrame active_particles(const Trajectory& trajectory, const ParticleFrame& frame) {
-  ActiveFrame out;
-  out.frame.time = frame.time;
-  for (std::size_t i = 0; i < frame.position.size(); ++i) {
-    if (!frame.is_active(i)) continue;
-    out.id.push_back(static_cast<int32_t>(i));
-    out.particle_type.push_back(trajectory.particle_type[i]);
-    out.frame.position.push_back(frame.position[i]);
-    if (!frame.velocity.empty()) out.frame.velocity.push_back(frame.velocity[i]);
-  }
-  return out;
-}
-
-std::string frame_file_name(const std::string& name, std::size_t frame, const std::string& ending) {
+std::string frame_file(const ExportTarget& target, int64_t frame, const std::string& ending) {
   char number[24];
-  std::snprintf(number, sizeof number, "_%04zu", frame);
-  return name + number + ending;
+  std::snprintf(number, sizeof number, "_%04lld", static_cast<long long>(frame));
+  return target.folder + "/" + target.name + number + ending;
+}
+
+std::string frame_file(const ExportTarget& target, const std::string& material, int64_t frame,
+                       const std::string& ending) {
+  ExportTarget named = target;
+  named.name += "_" + material;
+  return frame_file(named, frame, ending);
+}
+
+void check_finite(int64_t frame, const PointFrame& points) {
+  const auto check = [&](const std::vector<Vec3f>& vectors, const char* what) {
+    for (std::size_t i = 0; i < vectors.size(); ++i)
+      if (!std::isfinite(vectors[i][0]) || !std::isfinite(vectors[i][1]) || !std::isfinite(vectors[i][2]))
+        throw DivergedError("particle " + std::to_string(points.id[i]) + " of frame " + std::to_string(frame) +
+                            " cannot be written (" + what + " is not finite). Export the frames before it");
+  };
+  check(points.position, "position");
+  check(points.velocity, "velocity");
+}
+
+namespace {
+
+/// Level sets are files of the surface itself.
+class VdbSurfaces : public SurfaceWriter {
+ public:
+  explicit VdbSurfaces(const ExportTarget& target) : target_(target) { prepare_export(target); }
+  void write(int64_t frame, double time, const std::vector<MaterialSurface>& surfaces) override {
+    for (const MaterialSurface& one : surfaces)
+      one.surface.write_vdb(frame_file(target_, one.material, frame, ".vdb"), time);
+  }
+
+ private:
+  ExportTarget target_;
+};
+
+}  // namespace
+
+std::unique_ptr<SurfaceWriter> make_vdb_surfaces(const ExportTarget& target) {
+  return std::make_unique<VdbSurfaces>(target);
+}
+
+MeshSequence::MeshSequence(const ExportTarget& target, std::string ending)
+    : target_(target), ending_(std::move(ending)) {
+  prepare_export(target);
+}
+
+void MeshSequence::write(int64_t frame, double time, const std::vector<MaterialSurface>& surfaces) {
+  for (const MaterialSurface& one : surfaces) {
+    const std::string file = frame_file(target_, one.material, frame, ending_);
+    write_file_atomically(file, bytes_of(one.surface.mesh(), one.particle_type, time));
+    wrote(time, one, std::filesystem::path(file).filename());
+  }
 }
 
 }  // namespace graupel::io

@@ -1,12 +1,9 @@
-// OpenVDB point grids, one file a frame: P, v, id, type. The only file of this folder that knows OpenVDB.
+// OpenVDB point grids, one file a frame: P, v, id, type, J. The only file of this folder that knows OpenVDB.
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointConversion.h>
 
-#include <cmath>
-
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "io/export/export.h"
 #include "io/export/export_frames.h"
 
 // The library holds these classes with all their virtual functions, which need not be compiled again.
@@ -44,8 +41,7 @@ std::vector<openvdb::Vec3s> vdb_vectors(const std::vector<Vec3f>& values) {
   return out;
 }
 
-PointDataGrid::Ptr point_grid(const ActiveFrame& active) {
-  const ParticleFrame& frame = active.frame;
+PointDataGrid::Ptr point_grid(const PointFrame& frame) {
   const std::vector<openvdb::Vec3s> positions = vdb_vectors(frame.position);
   const openvdb::points::PointAttributeVector<openvdb::Vec3s> wrapped(positions);
   constexpr int points_per_voxel = 8;
@@ -54,21 +50,13 @@ PointDataGrid::Ptr point_grid(const ActiveFrame& active) {
   const auto index = openvdb::tools::createPointIndexGrid<PointIndexGrid>(wrapped, *transform);
   auto grid =
       openvdb::points::createPointDataGrid<openvdb::points::NullCodec, PointDataGrid>(*index, wrapped, *transform);
-  add_attribute(*grid, *index, "id", active.id);
-  add_attribute(*grid, *index, "type", active.particle_type);
+  add_attribute(*grid, *index, "id", frame.id);
+  add_attribute(*grid, *index, "type", frame.particle_type);
   if (!frame.velocity.empty()) add_attribute(*grid, *index, "v", vdb_vectors(frame.velocity));
+  if (!frame.volume_ratio.empty()) add_attribute(*grid, *index, "J", frame.volume_ratio);
   grid->setName("particles");
   grid->insertMeta("time", openvdb::DoubleMetadata(frame.time));
   return grid;
-}
-
-/// OpenVDB sorts points into voxels: a NaN has none.
-void check_finite(const ParticleFrame& frame, std::size_t number) {
-  for (std::size_t i = 0; i < frame.position.size(); ++i)
-    for (int axis = 0; axis < 3; ++axis)
-      if (!std::isfinite(frame.position[i][axis]))
-        throw DivergedError("frame " + std::to_string(number) + " has no place for particle " + std::to_string(i) +
-                            " (position is not finite). Export the frames before it");
 }
 
 void write_grid(const PointDataGrid::Ptr& grid, const std::string& path) {
@@ -78,22 +66,30 @@ void write_grid(const PointDataGrid::Ptr& grid, const std::string& path) {
   finish_part_file(path);
 }
 
-}  // namespace
-
-void export_vdb_points(const Trajectory& trajectory, const std::string& folder, const std::string& name) {
-  prepare_export(trajectory, folder, name);
-  openvdb::initialize();
-  for (std::size_t k = 0; k < trajectory.frames.size(); ++k) {
-    const std::string path = folder + "/" + frame_file_name(name, k, ".vdb");
-    check_finite(trajectory.frames[k], k);
+class VdbPoints : public PointWriter {
+ public:
+  explicit VdbPoints(const ExportTarget& target) : target_(target) {
+    prepare_export(target);
+    openvdb::initialize();
+  }
+  void write(int64_t frame, const PointFrame& points) override {
+    const std::string path = frame_file(target_, frame, ".vdb");
+    check_finite(frame, points);  // OpenVDB sorts points into voxels: a NaN has none
     try {
-      write_grid(point_grid(active_particles(trajectory, trajectory.frames[k])), path);
+      write_grid(point_grid(points), path);
     } catch (const openvdb::Exception& error) {
       throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
     } catch (const std::ios_base::failure& error) {
       throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
     }
   }
-}
+
+ private:
+  ExportTarget target_;
+};
+
+}  // namespace
+
+std::unique_ptr<PointWriter> make_vdb_points(const ExportTarget& target) { return std::make_unique<VdbPoints>(target); }
 
 }  // namespace graupel::io

@@ -27,6 +27,15 @@ Trajectory sample() {
   return out;
 }
 
+/// All frames of a trajectory, as `graupel export` writes them.
+void export_points(const std::string& format, const Trajectory& trajectory, const std::string& folder,
+                   const std::string& name) {
+  const auto writer = make_point_writer(format, {.folder = folder, .name = name, .frame_time = 0.1});
+  for (std::size_t k = 0; k < trajectory.frames.size(); ++k)
+    writer->write(static_cast<int64_t>(k), points_of(trajectory.particle_type, trajectory.frames[k]));
+  writer->finish();
+}
+
 /// Values of a named array of a raw-appended VTK file.
 template <typename T>
 std::vector<T> vtk_array(const std::string& bytes, const std::string& name) {
@@ -45,13 +54,14 @@ std::vector<T> vtk_array(const std::string& bytes, const std::string& name) {
 TEST(Export, VtpHoldsPointsVelocitiesTypesAndTimes) {
   TemporaryFolder folder;
   const Trajectory trajectory = sample();
-  export_vtp(trajectory, folder.file("out"), "run-1");
+  export_points("vtp", trajectory, folder.file("out"), "run-1");
   const std::string bytes = bytes_of(folder.file("out/run-1_0002.vtp"));
   EXPECT_NE(bytes.find("header_type=\"UInt64\""), std::string::npos);
   EXPECT_NE(bytes.find("NumberOfPoints=\"50\" NumberOfVerts=\"50\""), std::string::npos);
   EXPECT_EQ(vtk_array<Vec3f>(bytes, "Points"), trajectory.frames[2].position);
   EXPECT_EQ(vtk_array<Vec3f>(bytes, "velocity"), trajectory.frames[2].velocity);
   EXPECT_EQ(vtk_array<int32_t>(bytes, "particle_type"), trajectory.particle_type);
+  EXPECT_EQ(vtk_array<int32_t>(bytes, "id")[49], 49);
   EXPECT_EQ(vtk_array<double>(bytes, "TimeValue"), std::vector<double>{trajectory.frames[2].time});
   EXPECT_EQ(vtk_array<int64_t>(bytes, "connectivity")[49], 49);
   EXPECT_EQ(vtk_array<int64_t>(bytes, "offsets")[49], 50);
@@ -63,7 +73,7 @@ TEST(Export, VtpHoldsPointsVelocitiesTypesAndTimes) {
 TEST(Export, PlyReadsBack) {
   TemporaryFolder folder;
   const Trajectory trajectory = sample();
-  export_ply(trajectory, folder.path(), "run");
+  export_points("ply", trajectory, folder.path(), "run");
   const auto points = read_points(folder.file("run_0001.ply"));
   ASSERT_EQ(points.size(), particles);
   for (std::size_t i = 0; i < particles; ++i)
@@ -71,11 +81,11 @@ TEST(Export, PlyReadsBack) {
   const std::string bytes = bytes_of(folder.file("run_0001.ply"));
   const std::string mark = "end_header\n";
   const std::size_t start = bytes.find(mark) + mark.size();
-  EXPECT_EQ(bytes.size() - start, particles * 28);
+  EXPECT_EQ(bytes.size() - start, particles * 32);
   Vec3f velocity;
   int32_t type;
-  std::memcpy(&velocity, bytes.data() + start + 7 * 28 + 12, sizeof velocity);
-  std::memcpy(&type, bytes.data() + start + 7 * 28 + 24, sizeof type);
+  std::memcpy(&velocity, bytes.data() + start + 7 * 32 + 12, sizeof velocity);
+  std::memcpy(&type, bytes.data() + start + 7 * 32 + 24, sizeof type);
   EXPECT_EQ(velocity, trajectory.frames[1].velocity[7]);
   EXPECT_EQ(type, trajectory.particle_type[7]);
 }
@@ -84,21 +94,45 @@ TEST(Export, ParticlesThatAreNotInTheRunAreLeftOut) {
   Trajectory trajectory = sample_header(6);
   trajectory.frames.push_back(sample_frame(6, 0));
   trajectory.frames[0].active = {1, 0, 0, 1, 1, 0};
-  const ActiveFrame active = active_particles(trajectory, trajectory.frames[0]);
+  const PointFrame active = points_of(trajectory.particle_type, trajectory.frames[0]);
   EXPECT_EQ(active.id, (std::vector<int32_t>{0, 3, 4}));
   EXPECT_EQ(active.particle_type, (std::vector<int32_t>{5, 4, 5}));
-  EXPECT_EQ(active.frame.position[1], trajectory.frames[0].position[3]);
-  EXPECT_EQ(active.frame.velocity[2], trajectory.frames[0].velocity[4]);
+  EXPECT_EQ(active.position[1], trajectory.frames[0].position[3]);
+  EXPECT_EQ(active.velocity[2], trajectory.frames[0].velocity[4]);
   const TemporaryFolder folder;
-  export_ply(trajectory, folder.file("out"), "some");
+  export_points("ply", trajectory, folder.file("out"), "some");
   EXPECT_NE(bytes_of(folder.file("out") + "/some_0000.ply").find("element vertex 3\n"), std::string::npos);
+}
+
+TEST(Export, VolumeRatioIsWhatTheFieldsTell) {
+  // Water (5) stores J itself, sand (6) and snow (8) have det F, obstacles (3) keep their volume.
+  ParticleFrame frame = sample_frame(4, 0);
+  const std::vector<int32_t> type = {5, 6, 8, 3};
+  EXPECT_TRUE(points_of(type, frame).volume_ratio.empty());
+  frame.fields[ParticleField::plastic] = {0.9f, 7, 7, 7};
+  EXPECT_TRUE(points_of(type, frame).volume_ratio.empty()) << "sand's J is not known";
+  auto& F = frame.fields[ParticleField::deformation_gradient];
+  F.assign(36, 0);
+  const float diagonal[4] = {1, 2, 0.5f, 1};
+  for (std::size_t p = 0; p < 4; ++p)
+    for (std::size_t i = 0; i < 3; ++i) F[9 * p + 4 * i] = diagonal[p];
+  F[9 + 1] = 5;  // a shear changes no volume
+  EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{0.9f, 8, 0.125f, 1}));
+  frame.active = {0, 1, 0, 1};
+  EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{8, 1}));
+  frame.fields[ParticleField::plastic].clear();
+  EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{8, 1})) << "no water is in the run";
+  const TemporaryFolder folder;
+  const auto writer = make_point_writer("vtp", {.folder = folder.path(), .name = "run"});
+  writer->write(0, points_of(type, frame));
+  EXPECT_EQ(vtk_array<float>(bytes_of(folder.file("run_0000.vtp")), "J"), (std::vector<float>{8, 1}));
 }
 
 TEST(Export, PlyWithoutVelocitiesHasNoSuchProperties) {
   TemporaryFolder folder;
   Trajectory trajectory = sample();
   for (auto& frame : trajectory.frames) frame.velocity.clear();
-  export_ply(trajectory, folder.path(), "run");
+  export_points("ply", trajectory, folder.path(), "run");
   EXPECT_EQ(bytes_of(folder.file("run_0000.ply")).find("vx"), std::string::npos);
   EXPECT_EQ(read_points(folder.file("run_0000.ply")).size(), particles);
 }
@@ -106,7 +140,7 @@ TEST(Export, PlyWithoutVelocitiesHasNoSuchProperties) {
 TEST(Export, VdbPointsReadBack) {
   TemporaryFolder folder;
   const Trajectory trajectory = sample();
-  export_vdb_points(trajectory, folder.path(), "run");
+  export_points("vdb", trajectory, folder.path(), "run");
   EXPECT_FALSE(std::filesystem::exists(folder.file("run_0002.vdb.part")));
   openvdb::initialize();
   openvdb::io::File file(folder.file("run_0002.vdb"));
@@ -140,7 +174,7 @@ TEST(Export, VdbTakesParticlesThatShareAPlace) {
     Trajectory trajectory = sample_header(count);
     trajectory.frames.push_back(
         {.time = 0, .position = std::vector<Vec3f>(count, Vec3f{0.3f, 0.2f, 0.1f}), .velocity = {}});
-    export_vdb_points(trajectory, folder.path(), "run");
+    export_points("vdb", trajectory, folder.path(), "run");
     openvdb::initialize();
     openvdb::io::File file(folder.file("run_0000.vdb"));
     file.open(false);
@@ -152,18 +186,22 @@ TEST(Export, VdbTakesParticlesThatShareAPlace) {
 TEST(Export, RefusesBadNamesAndFolders) {
   TemporaryFolder folder;
   const Trajectory trajectory = sample();
-  expect_error<ConfigError>([&] { export_ply(trajectory, folder.path(), "../run"); }, {"'../run'", "allowed: letters"});
-  expect_error<ConfigError>([&] { export_vtp(trajectory, folder.path(), ""); }, {"allowed: letters"});
-  expect_error<ConfigError>([&] { export_vdb_points(sample_header(2), folder.path(), "run"); }, {"no frames"});
+  expect_error<ConfigError>([&] { export_points("ply", trajectory, folder.path(), "../run"); },
+                            {"'../run'", "allowed: letters"});
+  expect_error<ConfigError>([&] { export_points("vtp", trajectory, folder.path(), ""); }, {"allowed: letters"});
+  expect_error<ConfigError>([&] { export_points("abc", trajectory, folder.path(), "run"); },
+                            {"'abc'", "allowed: vtp, ply, vdb, bgeo, usda"});
+  expect_error<ConfigError>([&] { make_surface_writer("stl", {.folder = folder.path(), .name = "run"}); },
+                            {"'stl'", "allowed: obj, ply, vtp, vdb, usda"});
   folder.write("file", "x");
-  expect_error<IoError>([&] { export_ply(trajectory, folder.file("file/sub"), "run"); }, {"file/sub"});
+  expect_error<IoError>([&] { export_points("ply", trajectory, folder.file("file/sub"), "run"); }, {"file/sub"});
 }
 
 TEST(Export, VdbRefusesPositionsThatAreNotFinite) {
   TemporaryFolder folder;
   Trajectory trajectory = sample();
   trajectory.frames[1].position[3][0] = std::numeric_limits<float>::quiet_NaN();
-  expect_error<DivergedError>([&] { export_vdb_points(trajectory, folder.path(), "run"); },
+  expect_error<DivergedError>([&] { export_points("vdb", trajectory, folder.path(), "run"); },
                               {"frame 1", "particle 3", "not finite"});
 }
 

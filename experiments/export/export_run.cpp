@@ -1,0 +1,239 @@
+#include "experiments/export/export_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+
+#include "compare/metrics/particle_run.h"
+#include "compare/pictures/png.h"
+#include "core/system/atomic_file.h"
+#include "core/system/error.h"
+#include "experiments/export/film.h"
+#include "experiments/export/frame_range.h"
+#include "experiments/export/run_pictures.h"
+#include "experiments/process/outputs.h"
+#include "experiments/process/process.h"
+#include "experiments/process/progress.h"
+#include "io/export/export.h"
+#include "io/export/export_frames.h"
+#include "io/scene/scene_reader.h"
+#include "io/trajectory/trajectory_file.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+const std::vector<std::string> picture_formats = {"png", "gif", "mp4"};
+const std::string force_format = "csv";
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+std::string listed(const std::vector<std::string>& words) { return fmt::format("{}", fmt::join(words, ", ")); }
+
+/// The scene that a trajectory stores, or why there is none.
+struct StoredScene {
+  std::optional<Scene> scene;
+  std::string problem = "the file stores no scene";
+};
+StoredScene stored_scene(const std::string& text, const std::string& file) {
+  StoredScene stored;
+  if (text.empty()) return stored;
+  try {
+    stored.scene = io::parse_stored_scene(text, file + " (its scene)", file);
+  } catch (const Error& error) {
+    stored.problem = error.what();
+  }
+  return stored;
+}
+
+/// Widest spacing that the scene's bodies are filled with.
+double widest_spacing(const Scene& scene) {
+  double spacing = 0;
+  const auto take = [&](double per_cell) {
+    spacing = std::max(spacing, io::particle_spacing(scene.domain.dx, per_cell));
+  };
+  for (const Source& source : scene.sources) take(source.particles_per_cell);
+  for (const Emitter& emitter : scene.emitters) take(emitter.particles_per_cell);
+  return spacing;
+}
+
+io::SurfaceSettings surface_settings(const ExportRequest& request, const StoredScene& stored) {
+  if (stored.scene && stored.scene->domain.dimensions == 2)
+    throw ConfigError("'" + request.input + "' has 2 dimensions, surfaces are for 3. Leave --surface out");
+  if (!stored.scene && !request.radius)
+    throw ConfigError("the size of the particles in '" + request.input + "' is not known (" + stored.problem +
+                      "). Give it by --radius, 1.5 times their spacing");
+  io::SurfaceSettings settings =
+      io::default_surface_settings(stored.scene ? widest_spacing(*stored.scene) : *request.radius / 1.5);
+  settings.radius = request.radius.value_or(settings.radius);
+  settings.voxel = request.voxel.value_or(settings.voxel);
+  settings.smoothing = request.smoothing.value_or(settings.smoothing);
+  io::check_surface_settings(settings);
+  return settings;
+}
+
+/// What a frame is written to.
+class Sink {
+ public:
+  virtual ~Sink() = default;
+  virtual void write(int64_t frame, const io::PointFrame& points) = 0;
+  virtual void finish() = 0;
+};
+
+class PointSink : public Sink {
+ public:
+  PointSink(const std::string& format, const io::ExportTarget& target)
+      : writer_(io::make_point_writer(format, target)) {}
+  void write(int64_t frame, const io::PointFrame& points) override { writer_->write(frame, points); }
+  void finish() override { writer_->finish(); }
+
+ private:
+  std::unique_ptr<io::PointWriter> writer_;
+};
+
+class SurfaceSink : public Sink {
+ public:
+  SurfaceSink(const std::string& format, const io::ExportTarget& target, const io::SurfaceSettings& settings)
+      : writer_(io::make_surface_writer(format, target)), settings_(settings) {}
+  void write(int64_t frame, const io::PointFrame& points) override {
+    writer_->write(frame, points.time, io::surfaces_of(points, settings_, fmt::format("frame {}", frame)));
+  }
+  void finish() override { writer_->finish(); }
+
+ private:
+  std::unique_ptr<io::SurfaceWriter> writer_;
+  io::SurfaceSettings settings_;
+};
+
+/// Single pictures, or a film of them.
+class PictureSink : public Sink {
+ public:
+  PictureSink(const ExportRequest& request, const io::ExportTarget& target, const StoredScene& stored)
+      : target_(target) {
+    if (!stored.scene)
+      throw ConfigError("pictures of '" + request.input + "' need its scene (" + stored.problem +
+                        "). Choose a format of particles: " + listed(io::point_formats()));
+    if (request.width % 2 != 0 || request.height % 2 != 0)
+      throw ConfigError(
+          fmt::format("pictures of {} x {} pixels cannot be a film (allowed: even numbers). Change --width "
+                      "or --height",
+                      request.width, request.height));
+    io::prepare_export(target);
+    if (request.format != "png")
+      film_ = std::make_unique<Film>(target.folder + "/" + target.name + "." + request.format, request.format,
+                                     request.rate.value_or(std::clamp(1 / target.frame_time, 1.0, 60.0)), request.width,
+                                     request.height);
+    pictures_ = std::make_unique<RunPictures>(*stored.scene, target.point_size, request.width, request.height);
+  }
+  void write(int64_t frame, const io::PointFrame& points) override {
+    io::check_finite(frame, points);
+    const compare::Image picture = pictures_->draw(frame, points);
+    if (film_)
+      film_->add(picture);
+    else
+      write_file_atomically(io::frame_file(target_, frame, ".png"), compare::encode_png(picture));
+  }
+  void finish() override {
+    if (film_) film_->finish();
+  }
+
+ private:
+  io::ExportTarget target_;
+  std::unique_ptr<Film> film_;
+  std::unique_ptr<RunPictures> pictures_;
+};
+
+void check_format(const ExportRequest& request) {
+  if (!request.surface && request.format == force_format) return;
+  if (request.surface && !contains(io::surface_formats(), request.format))
+    throw ConfigError("surfaces are not written as '" + request.format + "' (allowed with --surface: " +
+                      listed(io::surface_formats()) + "). Choose one of these, or leave --surface out");
+  if (!request.surface && !contains(io::point_formats(), request.format) && !contains(picture_formats, request.format))
+    throw ConfigError("particles are not written as '" + request.format + "' (allowed: " + listed(io::point_formats()) +
+                      "; pictures: " + listed(picture_formats) +
+                      "; forces: csv). Choose one of these, or add --surface");
+}
+
+std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTarget& target,
+                                const StoredScene& stored) {
+  if (request.surface) return std::make_unique<SurfaceSink>(request.format, target, surface_settings(request, stored));
+  if (contains(picture_formats, request.format)) return std::make_unique<PictureSink>(request, target, stored);
+  return std::make_unique<PointSink>(request.format, target);
+}
+
+/// Forces on obstacles and walls, one file for all frames.
+ExportResult export_forces(const ExportRequest& request, const io::TrajectoryReader& reader, const Trajectory& header) {
+  io::ForceTable table;
+  table.names = reader.contact_names(request.trajectory);
+  table.forces = reader.contact_forces(request.trajectory);
+  if (table.names.empty())
+    throw InputError("'" + request.input +
+                     "' stores no forces on obstacles and walls. Make it by graupel simulate SCENE --forces");
+  for (const ParticleFrame& frame : header.frames) table.times.push_back(frame.time);
+  const std::string stem = std::filesystem::path(request.input).stem().string();
+  const std::string file = request.folder.empty() ? stem + "_forces.csv" : request.folder;
+  check_output_file(file);
+  check_apart({{"the trajectory", request.input}}, {{"--output", file}});
+  io::export_forces(table, file);
+  return {file, static_cast<int64_t>(table.times.size()), static_cast<int64_t>(header.particle_count())};
+}
+
+FieldSet volume_ratio_fields(const FieldSet& stored) {
+  FieldSet fields;
+  for (const ParticleField field : io::volume_ratio_fields)
+    if (stored.contains(field)) fields.add(field);
+  return fields;
+}
+
+}  // namespace
+
+std::vector<std::string> export_formats() {
+  std::vector<std::string> formats = io::point_formats();
+  for (const auto* more : {&io::surface_formats(), &picture_formats})
+    for (const std::string& format : *more)
+      if (!contains(formats, format)) formats.push_back(format);
+  formats.push_back(force_format);
+  return formats;
+}
+
+ExportResult export_trajectory(const ExportRequest& request) {
+  check_format(request);
+  const io::TrajectoryReader reader(request.input);
+  if (request.trajectory < 0 || request.trajectory >= reader.count())
+    throw ConfigError(fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", request.trajectory,
+                                  request.input, reader.count() - 1));
+  const Trajectory header = reader.header(request.trajectory);
+  const auto frame_count = static_cast<int64_t>(header.frame_count());
+  if (frame_count == 0) throw ConfigError("'" + request.input + "' has no frames (0). Export another trajectory");
+  if (request.format == force_format) return export_forces(request, reader, header);
+  const std::vector<int64_t> frames = parse_frame_range(request.frames, frame_count, request.input);
+  const StoredScene stored = stored_scene(header.scene_json, request.input);
+
+  io::ExportTarget target;
+  target.name = request.name.empty() ? std::filesystem::path(request.input).stem().string() : request.name;
+  target.folder = request.folder.empty() ? target.name + "_" + request.format : request.folder;
+  target.frame_time = header.frame_time;
+  if (stored.scene) {
+    target.point_size = widest_spacing(*stored.scene);
+    target.up_axis = compare::vertical_axis(stored.scene->gravity) == 2 ? 'Z' : 'Y';
+  }
+  const std::unique_ptr<Sink> sink = make_sink(request, target, stored);
+  const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
+  Progress progress("export", static_cast<int64_t>(frames.size()));
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const std::vector<ParticleFrame> read = reader.frames(request.trajectory, frames[k], 1, fields);
+    sink->write(frames[k], io::points_of(header.particle_type, read.front()));
+    progress.update(static_cast<int64_t>(k) + 1);
+    stop_if_interrupted("; the frames before are in '" + target.folder + "'");
+  }
+  sink->finish();
+  progress.done();
+  return {target.folder, static_cast<int64_t>(frames.size()), static_cast<int64_t>(header.particle_count())};
+}
+
+}  // namespace graupel::experiments

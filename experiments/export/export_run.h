@@ -1,0 +1,36 @@
+// What `graupel export` does: frames of a trajectory as particles, surfaces or pictures for other programs.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace graupel::experiments {
+
+struct ExportRequest {
+  std::string input;                    ///< trajectory or data set
+  int trajectory = 0;                   ///< which of a data set
+  std::string format = "vtp";           ///< of export_formats()
+  std::string folder;                   ///< "": <name>_<format>; of csv a file, "": <input>_forces.csv
+  std::string name;                     ///< of the files; "": that of the input
+  std::string frames;                   ///< parse_frame_range
+  bool surface = false;                 ///< surfaces of the materials instead of particles
+  std::optional<double> radius, voxel;  ///< SurfaceSettings [m]; default by the scene's dx
+  std::optional<int> smoothing;         ///< SurfaceSettings
+  std::optional<double> rate;           ///< pictures of a film a second; default as many as the run has frames
+  int width = 960, height = 540;        ///< of pictures [pixels]
+};
+
+/// Of particles, of surfaces, of pictures and of forces (csv), without repetitions.
+std::vector<std::string> export_formats();
+
+struct ExportResult {
+  std::string folder;
+  int64_t frames = 0, particles = 0;  ///< frames written, particles of the trajectory
+};
+/// Progress goes to standard error. Throws ConfigError, InputError, IoError, DivergedError; Ctrl-C ends it between two
+/// frames.
+ExportResult export_trajectory(const ExportRequest& request);
+
+}  // namespace graupel::experiments

@@ -1,0 +1,138 @@
+// graupel export: frames, surfaces and films of a small run; what it refuses.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+
+#include "core/system/atomic_file.h"
+#include "io/trajectory/trajectory_file.h"
+#include "tests/apps/program.h"
+
+namespace graupel::test {
+namespace {
+
+class ExportVerb : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    made_ = std::make_unique<Folder>();
+    const std::string scene = made_->write("small.json", small_scene());
+    const Outcome made =
+        graupel("simulate " + scene + " -o " + made_->file("run.h5") + " --device cpu --fields plastic --frames 6");
+    ASSERT_EQ(made.exit_code, 0) << made.output;
+  }
+  static void TearDownTestSuite() { made_.reset(); }
+
+  /// The names of what an export makes in a folder of its own.
+  std::vector<std::string> files_of(const std::string& arguments) {
+    const Outcome outcome = exported(arguments);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+    return names_in(folder_.file("out"));
+  }
+  Outcome exported(const std::string& arguments, const std::string& environment = "") {
+    return run_program("/usr/bin/env", environment + " '" GRAUPEL_BINARY_DIR "/graupel' export " + run_ + " -o " +
+                                           folder_.file("out") + " " + arguments);
+  }
+  static bool has_ffmpeg() { return std::system("command -v ffmpeg > /dev/null") == 0; }
+
+  static inline std::unique_ptr<Folder> made_;
+  Folder folder_;
+  std::string run_ = made_->file("run.h5");
+};
+
+using Names = std::vector<std::string>;
+
+TEST_F(ExportVerb, RangesOfFrames) {
+  EXPECT_EQ(files_of("--format ply --frames 1:5:2"), (Names{"run_0001.ply", "run_0003.ply", "run_0005.ply"}));
+  std::filesystem::remove_all(folder_.file("out"));
+  EXPECT_EQ(files_of("--format bgeo --frames 5:"), (Names{"run_0005.bgeo", "run_0006.bgeo"}));
+  std::filesystem::remove_all(folder_.file("out"));
+  EXPECT_EQ(files_of("--format ply --frames :1 --name other"), (Names{"other_0000.ply", "other_0001.ply"}));
+  std::filesystem::remove_all(folder_.file("out"));
+  EXPECT_EQ(files_of("--frames 4"), (Names{"run.pvd", "run_0004.vtp"}));
+  for (const auto& [range, says] :
+       std::vector<std::pair<std::string, std::string>>{{"7", "FIRST is '7' (allowed: whole numbers from 0 to 6)"},
+                                                        {"5:2", "LAST is '2' (allowed: whole numbers from 5 to 6)"},
+                                                        {"0:6:0", "STRIDE is '0' (allowed: whole numbers from 1 to 7)"},
+                                                        {"a:b", "FIRST is 'a'"},
+                                                        {"1:2:3:4", "4 parts (allowed: 1 to 3)"}}) {
+    const Outcome outcome = exported("--frames " + range);
+    EXPECT_EQ(outcome.exit_code, 2) << range;
+    EXPECT_TRUE(outcome.says(says)) << outcome.output;
+    EXPECT_TRUE(outcome.says("has frames 0 to 6")) << outcome.output;
+  }
+}
+
+TEST_F(ExportVerb, FramesHoldWhatTheTrajectoryHolds) {
+  files_of("--format bgeo --frames 3");
+  const ParticleFrame frame = io::TrajectoryReader(run_).frames(0, 3, 1, {ParticleField::plastic}).front();
+  const std::string bytes = read_file(folder_.file("out/run_0003.bgeo"));
+  const auto number = [&](std::size_t at) {
+    const char raw[4] = {bytes[at + 3], bytes[at + 2], bytes[at + 1], bytes[at]};
+    float value;
+    std::memcpy(&value, raw, sizeof value);
+    return value;
+  };
+  const std::size_t row = 4 * 11, last = bytes.size() - 2 - row;  // x y z w, v, id, type, pscale, J
+  const std::size_t particle = frame.position.size() - 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    EXPECT_EQ(number(last + 4 * static_cast<std::size_t>(axis)), frame.position[particle][axis]);
+    EXPECT_EQ(number(last + 16 + 4 * static_cast<std::size_t>(axis)), frame.velocity[particle][axis]);
+  }
+  EXPECT_FLOAT_EQ(number(last + 36), 0.5f * 0.03125f / 2);
+  EXPECT_EQ(number(last + 40), frame.fields[ParticleField::plastic][particle]);
+}
+
+TEST_F(ExportVerb, SurfacesTakeTheirSizesFromTheScene) {
+  EXPECT_EQ(files_of("--surface --format obj --frames 0:1"), (Names{"run_water_0000.obj", "run_water_0001.obj"}));
+  const auto size = std::filesystem::file_size(folder_.file("out/run_water_0000.obj"));
+  files_of("--surface --format obj --frames 0:0 --voxel 0.015625");
+  EXPECT_LT(std::filesystem::file_size(folder_.file("out/run_water_0000.obj")), size / 3);
+  const Outcome outcome = exported("--surface --format obj --voxel 1e-5");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("--voxel 1e-05 is out of range (allowed: 0.00146484375 to 0.015625")) << outcome.output;
+}
+
+TEST_F(ExportVerb, FormatsThatDoNotFitAreRefused) {
+  Outcome outcome = exported("--surface --format bgeo");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("allowed with --surface: obj, ply, vtp, vdb, usda")) << outcome.output;
+  outcome = exported("--format obj");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("add --surface")) << outcome.output;
+}
+
+TEST_F(ExportVerb, PicturesAreDrawn) {
+  EXPECT_EQ(files_of("--format png --frames 2:3 --width 96 --height 64"), (Names{"run_0002.png", "run_0003.png"}));
+  const std::string png = read_file(folder_.file("out/run_0002.png"));
+  EXPECT_EQ(png.substr(1, 3), "PNG");
+  EXPECT_EQ(png.substr(16, 8), std::string("\0\0\0\x60\0\0\0\x40", 8));
+}
+
+TEST_F(ExportVerb, FilmsAreMadeByFfmpeg) {
+  if (!has_ffmpeg()) GTEST_SKIP() << "ffmpeg is not installed";
+  EXPECT_EQ(files_of("--format mp4 --width 96 --height 64"), (Names{"run.mp4"}));
+  EXPECT_EQ(read_file(folder_.file("out/run.mp4")).substr(4, 4), "ftyp");
+  EXPECT_EQ(files_of("--format gif --width 96 --height 64 --rate 10 --frames 0:3"), (Names{"run.gif", "run.mp4"}));
+  EXPECT_EQ(read_file(folder_.file("out/run.gif")).substr(0, 6), "GIF89a");
+}
+
+TEST_F(ExportVerb, WithoutFfmpegAFilmSaysWhatToInstall) {
+  const Outcome outcome = exported("--format mp4", "PATH=" + folder_.file("nothing"));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("ffmpeg, which is not in PATH. Install it (Debian: apt-get install ffmpeg)"))
+      << outcome.output;
+  EXPECT_TRUE(outcome.says("--format png")) << outcome.output;
+}
+
+TEST_F(ExportVerb, AnFfmpegThatFailsIsAnErrorAndLeavesNothing) {
+  const std::string program = folder_.write("ffmpeg", "#!/bin/sh\necho 'Unknown encoder' >&2\nexit 1\n");
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Outcome outcome = exported("--format gif --width 96 --height 64",
+                                   "PATH=" + std::filesystem::path(program).parent_path().string() + ":/usr/bin:/bin");
+  EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+  EXPECT_TRUE(outcome.says("Unknown encoder")) << outcome.output;
+  EXPECT_TRUE(names_in(folder_.file("out")).empty());
+}
+
+}  // namespace
+}  // namespace graupel::test
