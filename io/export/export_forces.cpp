@@ -22,15 +22,22 @@ void export_forces(const ForceTable& table, const std::string& file) {
     for (const char axis : {'x', 'y', 'z'}) {
       std::string name = column;
       name[name.find('?')] = axis;
-      text += "," + name;
+      text += ',';
+      text += name;
     }
   text += "\n";
+  const auto add = [&text](const std::string& value) {
+    text += ',';
+    text += value;
+  };
   for (std::size_t frame = 0; frame < table.forces.size(); ++frame)
     for (std::size_t i = 0; i < table.names.size(); ++i) {
       const ContactForce& on = table.forces[frame][i];
-      text += std::to_string(frame) + "," + text_of(table.times[frame]) + "," + table.names[i];
+      text += std::to_string(frame);
+      add(text_of(table.times[frame]));
+      add(table.names[i]);
       for (const Vec3d& v : {on.impulse, on.force, on.torque, on.reference})
-        for (int d = 0; d < 3; ++d) text += "," + text_of(v[d]);
+        for (int d = 0; d < 3; ++d) add(text_of(v[d]));
       text += "\n";
     }
   write_file_atomically(file, text);

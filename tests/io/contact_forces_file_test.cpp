@@ -16,7 +16,7 @@ namespace graupel::io {
 namespace {
 
 constexpr std::size_t particles = 30;
-const TrajectoryWriteOptions with_forces{.flush_every = 4, .contacts = {"obstacle_0", "wall_x_low", "wall_x_high"}};
+const TrajectoryWriteOptions with_forces{.contacts = {"obstacle_0", "wall_x_low", "wall_x_high"}, .flush_every = 4};
 
 ParticleFrame frame_at(int64_t f) {
   ParticleFrame frame = sample_frame(particles, static_cast<int>(f));
@@ -28,7 +28,7 @@ std::vector<ContactForce> forces_at(int64_t f) {
   std::vector<ContactForce> forces(3);
   for (std::size_t i = 0; i < 3; ++i) {
     const double v = 0.1 * static_cast<double>(f) + static_cast<double>(i) / 3;
-    forces[i] = {{v, -v, 1e-9 * v}, {10 * v, 2, 3}, {v * v, 4, 5}, {0.1, 0.2, v}};
+    forces[i] = {{v, -v, 0.5 * v}, {10 * v, 2, 3}, {v * v, 4, 5}, {0.1, 0.2, v}};
   }
   return forces;
 }
@@ -130,7 +130,7 @@ TEST(StoredForces, CsvHasALineAFrameAndSurfaceWithUnits) {
   EXPECT_EQ(text.substr(0, text.find('\n')),
             "frame,time_s,name,impulse_x_N_s,impulse_y_N_s,impulse_z_N_s,force_x_N,force_y_N,force_z_N,torque_x_N_m,"
             "torque_y_N_m,torque_z_N_m,reference_x_m,reference_y_m,reference_z_m");
-  EXPECT_NE(text.find("\n1,0.1,obstacle_0,0.1,-0.1,1e-10,1,2,3,"), std::string::npos) << text;
+  EXPECT_NE(text.find("\n1,0.1,obstacle_0,0.1,-0.1,0.05,1,2,3,"), std::string::npos) << text;
 }
 
 }  // namespace

@@ -79,7 +79,7 @@ struct ForceRun {
 void expect_balance(const Scene& scene, const SimulationOptions& options, int frames, const std::string& what) {
   ForceRun run(scene, options);
   run.frames(frames);
-  const double round_off = options.precision == Precision::f64 ? 1e-12 : 2e-5;
+  const double round_off = options.precision == Precision::f64 ? 1e-13 : 1e-5;
   const double scale = norm(run.impulse()) + run.begin.mass * run.seconds() * norm(scene.gravity);
   EXPECT_LT(norm(run.imbalance()), round_off * scale) << what;
   EXPECT_GT(norm(run.impulse()), 0.02 * norm(run.begin.momentum)) << what;
@@ -123,6 +123,20 @@ TEST(ContactForces, MomentumBalancesWithMovingObstacles) {
 
 TEST(ContactForces, MomentumBalancesInThePlane) {
   expect_balance(in_the_plane(four_materials()), f64_options, 10, "two dimensions");
+}
+
+/// At the edges of the domain a node obeys two or three walls, and particles are pushed off several at once.
+TEST(ContactForces, MomentumBalancesInACorner) {
+  for (const Contact contact : {Contact::stick, Contact::slip, Contact::separate}) {
+    Scene scene = scene_with("taichi_water", {0.1, 0.1, 0.1}, 0.08);
+    scene.sources[0].velocity = {-3, -4, -2};
+    scene.domain.walls = contact;
+    scene.domain.wall_friction = 0.3;
+    set_steps(scene, 20, 3e-4);
+    const std::string name = "contact " + std::to_string(static_cast<int>(contact));
+    expect_balance(scene, f64_options, 10, name);
+    expect_balance(in_the_plane(scene), f64_options, 10, name + ", in the plane");
+  }
 }
 
 TEST(ContactForces, MomentumBalancesWithCubicSplinesAndDamping) {
@@ -198,9 +212,9 @@ Scene tank() {
 
 TEST(ContactForces, WaterAtRestWeighsOnTheFloorOfItsTank) {
   ForceRun run(tank(), {});
-  run.frames(15);  // it settles
+  run.frames(25);  // it settles
   run.restart();
-  run.frames(10);
+  run.frames(20);
   const double weight = g * run.begin.mass;
   EXPECT_NEAR(run.mean_force("wall_y_low")[1], -weight, 0.02 * weight);
   EXPECT_LT(norm(run.mean_force("wall_y_high")), 1e-6 * weight);
@@ -216,9 +230,9 @@ TEST(ContactForces, WaterAtRestWeighsOnTheObstacleBelowIt) {
   scene.obstacles = {plate_at({0.125, low[1] + 0.01, 0.125}, {0.25, 0.06, 0.25})};
   scene.sources[0].position[1] += 0.04;
   ForceRun run(scene, {});
-  run.frames(15);
+  run.frames(25);
   run.restart();
-  run.frames(10);
+  run.frames(20);
   const double weight = g * run.begin.mass;
   EXPECT_NEAR(run.mean_force("obstacle_0")[1], -weight, 0.02 * weight);
   EXPECT_LT(norm(run.mean_force("wall_y_low")), 1e-3 * weight);
@@ -239,10 +253,10 @@ TEST(ContactForces, EachObstacleHasTheForceAndTorqueOfWhatStandsOnIt) {
   for (std::size_t i = 0; i < 2; ++i) {
     const std::string name = "obstacle_" + std::to_string(i);
     const Vec3d force = run.mean_force(name);
-    EXPECT_NEAR(force[1], -weights[i], 0.1 * weights[i]) << name;
+    EXPECT_NEAR(force[1], -weights[i], 0.03 * weights[i]) << name;
     EXPECT_LT(std::hypot(force[0], force[2]), 0.02 * weights[i]) << name;
     const Vec3d torque = (1 / run.seconds()) * run.of(name).torque - cross(run.scene.obstacles[i].position, force);
-    EXPECT_NEAR(torque[2], -arm[i] * weights[i], 0.15 * std::abs(arm[i]) * weights[i]) << name;
+    EXPECT_NEAR(torque[2], -arm[i] * weights[i], 0.05 * std::abs(arm[i]) * weights[i]) << name;
   }
 }
 
@@ -255,7 +269,7 @@ TEST(ContactForces, FrictionIsItsShareOfTheNormalForce) {
   ForceRun run(scene, {});
   run.frames(10);
   const Vec3d force = run.mean_force("wall_y_low");
-  EXPECT_NEAR(force[0], -0.2 * force[1], 0.02 * std::abs(force[1]));
+  EXPECT_NEAR(force[0], -0.2 * force[1], 1e-3 * std::abs(force[1]));
   EXPECT_LT(force[1], -0.5 * g * run.begin.mass);
 }
 
