@@ -41,6 +41,15 @@ if [ -z "$filter" ]; then
   check "formats of tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_formats_test.py
   check "networks in NumPy by docs/reference/networks.md" /usr/bin/python3 tests/tools/numpy_inference.py
   check "installed package: headers, examples, programs" /usr/bin/python3 tests/package/package_test.py
+  # Of the programs' libraries those that are there; the others are named as skipped.
+  python=/usr/bin/python3
+  [ ! -x build/export-python/bin/python ] || python=build/export-python/bin/python
+  check "exported files in other programs" $python tests/export/programs_test.py
+  for library in pxr:usd-core vtk:vtk bpy:bpy; do
+    $python -c "import importlib.util as u, sys; sys.exit(u.find_spec('${library%:*}') is None)" && continue
+    skipped=$((skipped + 1))
+    echo "skipped exported files in ${library#*:}: 'python3 tests/export/programs_test.py --install' installs it"
+  done
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py

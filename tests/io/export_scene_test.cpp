@@ -1,7 +1,7 @@
 // Formats of scene programs: .bgeo as Partio reads it, .usda with its time samples.
 #include <gtest/gtest.h>
 
-#include <bit>
+#include <algorithm>
 #include <cstring>
 #include <limits>
 
