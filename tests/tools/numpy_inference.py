@@ -102,7 +102,8 @@ class InferenceTest(unittest.TestCase):
             {"shape": "sphere", "radius": 0.05, "position": [0.72, 0.18, 0.54]},
             {"shape": "cylinder", "radius": 0.04, "height": 0.2, "position": [0.62, 0.2, 0.6],
              "rotation_axis": [1, 0, 1], "rotation_angle": 60}]
-        changes = [word for key, value in (("sources", ball), ("obstacles", obstacles))
+        materials = {"sand": {"model": "sand", "youngs_modulus": 1e6, "friction_angle": 35, "cohesion": 50}}
+        changes = [word for key, value in (("sources", ball), ("obstacles", obstacles), ("materials", materials))
                    for word in ("--set", f"{key}={json.dumps(value)}")]
         self.compare("gns", *self.history_of(scene, 4, *changes), most=1e-4)
 
