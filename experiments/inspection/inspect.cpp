@@ -1,9 +1,11 @@
 #include "experiments/inspection/inspect.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "core/system/stop_signal.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
@@ -26,10 +28,9 @@ Json recover(const std::string& file) {
   return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
 }
 
-/// Without control characters, which a file's text could steer the terminal by.
-std::string printable(std::string text) {
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+std::string on_one_line(std::string text) {
+  text = printable(std::move(text));
+  std::replace(text.begin(), text.end(), '\n', '?');
   return text;
 }
 
@@ -42,7 +43,7 @@ void print(const Json& value, int indent) {
       print(item, indent + 2);
     } else {
       std::printf("%*s%s: %s\n", indent, "", key.c_str(),
-                  item.is_string() ? printable(item.get<std::string>()).c_str() : item.dump().c_str());
+                  item.is_string() ? on_one_line(item.get<std::string>()).c_str() : item.dump().c_str());
     }
   }
 }

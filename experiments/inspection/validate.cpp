@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/process/outputs.h"
 #include "io/scene/category_reader.h"
@@ -59,7 +60,7 @@ void validate(ValidateOptions& options) {
     result["files"].push_back({{"file", file}, {"errors", mistakes}});
     count += mistakes.size();
     if (!to_screen) continue;
-    for (const std::string& mistake : mistakes) std::printf("%s\n", mistake.c_str());
+    for (const std::string& mistake : mistakes) std::printf("%s\n", printable(mistake).c_str());
     if (mistakes.empty()) std::printf("%s: ok\n", file.c_str());
   }
   options.common.write_json(result);

@@ -10,6 +10,7 @@
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
 #include "nn/bf16_gemm.h"
@@ -51,14 +52,14 @@ int run_program(int argc, char** argv, const char* name, const char* description
     const int usage = program.run(argc, argv, name);
     return usage != 0 ? usage : exit_code;
   } catch (const Error& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr,
                  "%s: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n",
                  name);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
   }
   return static_cast<int>(ExitCode::failed);
 }

@@ -22,6 +22,18 @@ TEST(BadInput, BrokenJsonNamesLineAndColumn) {
   EXPECT_TRUE(outcome.says("broken.json:3:16: ")) << outcome.output;  // the second comma
 }
 
+TEST(BadInput, TextOfFilesDoesNotSteerTheTerminal) {
+  const Folder folder;
+  const std::string file = folder.write("escape.json", "{ \"\\u001b[31mred\\u009b2J\\u0007\": 1 }");
+  for (const char* verb : {"simulate ", "validate ", "inspect "}) {
+    const Outcome outcome = graupel(verb + file);
+    EXPECT_TRUE(outcome.says("?[31mred?2J?")) << outcome.output;
+    EXPECT_EQ(outcome.output.find('\x1b'), std::string::npos) << verb;
+    EXPECT_EQ(outcome.output.find('\x07'), std::string::npos) << verb;
+    EXPECT_EQ(outcome.output.find("\xc2\x9b"), std::string::npos) << verb;
+  }
+}
+
 TEST(BadInput, UnknownKeyIsAnsweredWithTheClosestOne) {
   const Folder folder;
   const auto scene = folder.write("typo.json", small_scene("  \"gravitty\": [0, -9.8, 0]"));
