@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -106,6 +107,7 @@ std::string joined(const std::vector<std::string>& words) {
 void examine_processor(MachineReport& report) {
   const auto sets = available_instruction_sets();
   std::vector<std::string> names;
+  names.reserve(sets.size());
   for (const InstructionSet set : sets) names.emplace_back(name_of(set));
   const int threads = num_threads(), cores = static_cast<int>(std::thread::hardware_concurrency());
   report.facts.push_back({"processor", processor_name()});
@@ -137,7 +139,7 @@ void examine_processor(MachineReport& report) {
     report.hints.push_back(
         fmt::format("{} threads do {:.1f} times the work of one (load average {:.1f}): other programs run, threads "
                     "share cores, or a quota holds them back. Take --threads {}",
-                    threads, speed, load_average(), std::max(1, static_cast<int>(speed + 0.5))));
+                    threads, speed, load_average(), std::max(1L, std::lround(speed))));
   if (available_bytes(Device::cpu) < 1.0 * gibibyte)
     report.hints.push_back(
         fmt::format("{:.2f} GiB of memory are available (a million particles take about 1). Free some",

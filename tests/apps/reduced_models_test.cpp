@@ -158,11 +158,11 @@ TEST_F(ReducedModels, AreComparedAmongMovingObstaclesAndScriptedParticles) {
     return nlohmann::json::parse(read_file(folder_.file("compared.json")));
   };
   const nlohmann::json metal = compared("metal", "nsf-metal",
-                                        " --set domain.dx=0.02 --set time_step.substeps_per_frame=5 --set "
+                                        " --set domain.dx=0.0227 --set time_step.substeps_per_frame=5 --set "
                                         "materials.metal.hardening_modulus=0.276923");
   EXPECT_LT(metal.at("mean").at("models/nsf-metal.safetensors").at("delta"), 0.002);
   const nlohmann::json jelly = compared("jelly", "nsf-jelly",
-                                        " --set domain.dx=0.025 --set 'domain.origin=[0, -0.015, 0]' --set "
+                                        " --set domain.dx=0.0333333333333 --set 'domain.origin=[0, -0.042, 0]' --set "
                                         "sources.0.velocity.0=0.385");
   EXPECT_LT(jelly.at("mean").at("models/nsf-jelly.safetensors").at("delta"), 0.002);
 }
