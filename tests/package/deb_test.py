@@ -4,7 +4,7 @@ library.
 
     sudo python3 tests/package/deb_test.py [BUILD] [--keep FOLDER]
 
-Needs root, debootstrap and Debian's mirror. FOLDER keeps the system for the next call. Not part of tests/run_all.sh.
+Needs root, debootstrap and its mirror. FOLDER keeps the system for the next call. Not part of tests/run_all.sh.
 """
 import argparse
 import glob
@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-MIRROR = "http://deb.debian.org/debian"
+
 
 def run(*words, **options):
     done = subprocess.run(words, check=False, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
@@ -31,7 +31,7 @@ class Debian:
     def __init__(self, folder):
         self.folder = folder
         if not os.path.exists(os.path.join(folder, "usr/bin/apt-get")):
-            run("debootstrap", "--variant=minbase", "bookworm", folder, MIRROR)
+            run("debootstrap", "--variant=minbase", "bookworm", folder)
         run("mount", "-t", "proc", "proc", os.path.join(folder, "proc"))
 
     def close(self):
