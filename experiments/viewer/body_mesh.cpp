@@ -87,7 +87,7 @@ TriangleMesh plane_in_walls(const Scene& scene, const Obstacle& plane) {
   for (int d = 0; d < 3; ++d) polygon = clipped(clipped(polygon, d, low[d], -1), d, high[d], 1);
   TriangleMesh mesh;
   mesh.vertices = polygon;
-  for (int32_t k = 2; k < static_cast<int32_t>(polygon.size()); ++k) mesh.triangles.push_back({0, k, k - 1});
+  for (int32_t k = 2; k < static_cast<int32_t>(polygon.size()); ++k) mesh.triangles.push_back({0, k - 1, k});
   return mesh;
 }
 

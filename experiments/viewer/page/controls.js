@@ -170,14 +170,14 @@ function describe(places) {
   runs.forEach((one, side) => {
     const [x, y, width, height] = box[side], label = byId(`label-${side}`), own = places[side];
     Object.assign(label.style, { left: `${100 * x}%`, top: `${100 * (1 - y - height)}%`, maxWidth: `${100 * width}%` });
-    const lines = [`${one.types.length.toLocaleString('en')} particles` + (one.facts.made_by ? `, by ${one.facts.made_by}` : '')];
+    const lines = [`${one.types.length.toLocaleString('en')} particles` + (one.facts.made_by ? `, by ${one.facts.made_by.replace(/.*\//, '')}` : '')];
     const warnings = [one.facts.note, one.problem, own && own.pair[0].leftOut ? `${own.pair[0].leftOut} particles are far outside and not drawn` : ''];
     label.replaceChildren(one.facts.name, ...lines.map((t) => small(t)), ...warnings.filter(Boolean).map((t) => small(t, 'warn')));
   });
   describeLegend(places);
   const megabytes = run.facts.record_bytes / 1e6, step = Math.max(...(places.find(Boolean).pair[0].step)) / 2;
-  byId('figures').textContent = `${drawMilliseconds.toFixed(1)} ms to draw, ${state.pictures || 0} pictures/s; a frame: ` +
-    `${megabytes < 0.1 ? megabytes.toFixed(3) : megabytes.toFixed(1)} MB in ${(1000 * run.fetchSeconds).toFixed(0)} ms, positions to ${short(1e6 * step)} µm.`;
+  byId('figures').textContent = (state.playing ? `${state.pictures || 0} pictures/s, ${drawMilliseconds.toFixed(1)} ms to draw. ` : '') +
+    `A frame: ${megabytes < 0.1 ? megabytes.toFixed(3) : megabytes.toFixed(1)} MB in ${(1000 * run.fetchSeconds).toFixed(0)} ms, positions to ${short(1e6 * step)} µm.`;
 }
 function small(text, kind = '') {
   const line = document.createElement('small');
