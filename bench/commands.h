@@ -9,6 +9,7 @@ void add_mpm(const Command& program);
 void add_graph(const Command& program);
 void add_rom(const Command& program);
 void add_validate(const Command& program);
+void add_view(const Command& program);
 void add_micro(const Command& program);
 
 }  // namespace graupel::bench

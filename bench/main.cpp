@@ -15,6 +15,7 @@ void add_commands(const graupel::CommandLine& program, int&) {
   add_graph(program);
   add_rom(program);
   add_validate(program);
+  add_view(program);
   add_micro(program);
 }
 

@@ -29,7 +29,44 @@ struct Extent {
   uint32_t shown = 0, left_out = 0;
 };
 
+/// Whole numbers of vectors and of points: with the axes' constants repeated over them, loops need no shuffles.
+constexpr std::size_t block_points = 16, block = 3 * block_points;
+
+/// Of points that are all in the run: NaN compares as false, so that one shows in `finite` alone.
+Extent extent_of_all(std::span<const Vec3f> position, bool& finite) {
+  float low[block], high[block];
+  std::fill(low, low + block, std::numeric_limits<float>::max());
+  std::fill(high, high + block, -std::numeric_limits<float>::max());
+  const float* x = position.empty() ? nullptr : position[0].a;
+  int bad = 0;
+  const std::size_t blocks = position.size() / block_points;
+  for (std::size_t b = 0; b < blocks; ++b, x += block)
+    for (std::size_t k = 0; k < block; ++k) {
+      low[k] = x[k] < low[k] ? x[k] : low[k];
+      high[k] = x[k] > high[k] ? x[k] : high[k];
+      bad |= x[k] != x[k];
+    }
+  for (std::size_t k = 0; k < 3 * (position.size() % block_points); ++k) {
+    low[k] = std::min(low[k], x[k]);
+    high[k] = std::max(high[k], x[k]);
+    bad |= x[k] != x[k];
+  }
+  finite = bad == 0;
+  Extent extent;
+  for (std::size_t k = 0; k < block; ++k) {
+    extent.box.low[k % 3] = std::min(extent.box.low[k % 3], low[k]);
+    extent.box.high[k % 3] = std::max(extent.box.high[k % 3], high[k]);
+  }
+  extent.shown = static_cast<uint32_t>(position.size());
+  return extent;
+}
+
 Extent extent_of(const FrameToEncode& frame, const Box& limits) {
+  if (frame.active.empty()) {
+    bool finite = false;
+    const Extent all = extent_of_all(frame.position, finite);
+    if (finite && inside(all.box.low, limits) && inside(all.box.high, limits)) return all;
+  }
   Extent extent;
   for (std::size_t i = 0; i < frame.position.size(); ++i) {
     if (!frame.active.empty() && frame.active[i] == 0) continue;
@@ -58,19 +95,30 @@ void put_pose(const RigidMap& pose, std::byte* out) {
 }
 
 uint16_t steps_of(float x, float low, float per_step) {
-  return static_cast<uint16_t>(std::min((x - low) * per_step + 0.5f, last_step));
+  return static_cast<uint16_t>(static_cast<int32_t>(std::clamp((x - low) * per_step + 0.5f, 0.0f, last_step)));
 }
 
-void put_positions(const FrameToEncode& frame, const Box& shown, const Vec3f& step, uint16_t* out) {
+/// All of them as if they were in the box.
+void put_all_positions(std::span<const Vec3f> position, const Vec3f& low, const Vec3f& per_step, uint16_t* out) {
+  float lows[block], scales[block];
+  for (int k = 0; k < static_cast<int>(block); ++k) lows[k] = low[k % 3], scales[k] = per_step[k % 3];
+  const float* x = position.empty() ? nullptr : position[0].a;
+  for (std::size_t b = 0; b < position.size() / block_points; ++b, x += block, out += block)
+    for (std::size_t k = 0; k < block; ++k) out[k] = steps_of(x[k], lows[k], scales[k]);
+  for (std::size_t k = 0; k < 3 * (position.size() % block_points); ++k) out[k] = steps_of(x[k], lows[k], scales[k]);
+}
+
+void put_positions(const FrameToEncode& frame, const Extent& extent, const Vec3f& step, uint16_t* out) {
   Vec3f per_step;
   for (int d = 0; d < 3; ++d) per_step[d] = step[d] > 0 ? 1 / step[d] : 0;
+  if (extent.shown == frame.position.size()) return put_all_positions(frame.position, extent.box.low, per_step, out);
   for (std::size_t i = 0; i < frame.position.size(); ++i, out += 3) {
     const Vec3f& x = frame.position[i];
-    if (!inside(x, shown) || (!frame.active.empty() && frame.active[i] == 0)) {
+    if (!inside(x, extent.box) || (!frame.active.empty() && frame.active[i] == 0)) {
       out[0] = out[1] = out[2] = absent_position;
       continue;
     }
-    for (int d = 0; d < 3; ++d) out[d] = steps_of(x[d], shown.low[d], per_step[d]);
+    for (int d = 0; d < 3; ++d) out[d] = steps_of(x[d], extent.box.low[d], per_step[d]);
   }
 }
 
@@ -91,7 +139,7 @@ std::vector<std::byte> encode_frame(const FrameToEncode& frame, const Box& limit
     put_pose(pose, at);
     at += pose_bytes;
   }
-  put_positions(frame, extent.box, header.step, reinterpret_cast<uint16_t*>(at));
+  put_positions(frame, extent, header.step, reinterpret_cast<uint16_t*>(at));
   return record;
 }
 

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int64_t frames_ahead = 24;            ///< of the one asked for last
 constexpr std::size_t most_recent = 12;         ///< records kept in memory
-constexpr int64_t bytes_at_once = 64 << 20;     ///< of positions that are read together
+constexpr int64_t bytes_at_once = 24 << 20;     ///< of positions that are read together: the allocator keeps that much
 constexpr int64_t most_frames_at_once = 8;      ///< as many as the writer puts into a chunk
 constexpr std::size_t spacing_sample = 200000;  ///< particles
 
