@@ -346,6 +346,7 @@ async function loadRuns() {
   await Promise.all(fresh.map((run) => run.load()));
   runs = fresh;
   const old = camera, flat = all.every((f) => f.dimensions === 2);
+  if (flat) low[2] = high[2] = all[0].plane ?? low[2];
   camera = new Camera(low, high, all[0].up, flat);
   if (old) Object.assign(camera, { yaw: old.yaw, pitch: old.pitch, zoom: old.zoom, shift: old.shift });
   runs.forEach((run, side) => renderer.setRun(side, run));
