@@ -34,11 +34,13 @@ TriangleMesh revolved(const std::vector<ProfilePoint>& profile) {
   return mesh;
 }
 
+/// From an angle to the upper end of the axis [rad].
 std::vector<ProfilePoint> arc(double radius, double from, double to) {
+  constexpr int parts = segments / 2;
   std::vector<ProfilePoint> profile;
-  for (int k = 0; k <= segments / 2; ++k) {
-    const double angle = from + (to - from) * k / (segments / 2);
-    profile.push_back({k == segments / 2 ? 0 : radius * std::cos(angle), radius * std::sin(angle)});
+  for (int k = 0; k <= parts; ++k) {
+    const double angle = from + (to - from) * k / parts;
+    profile.push_back({k == parts ? 0 : radius * std::cos(angle), radius * std::sin(angle)});
   }
   return profile;
 }
