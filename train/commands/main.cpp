@@ -2,11 +2,11 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <exception>
+#include <filesystem>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -16,12 +16,14 @@
 #include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/shell_words.h"
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/commands/coarse_command.h"
 #include "train/commands/crom_command.h"
 #include "train/commands/nsf_command.h"
 #include "train/commands/run_log.h"
+#include "train/commands/slurm_script.h"
 #include "train/commands/time_command.h"
 #include "train/config/presets.h"
 #include "train/loop/run_folder.h"
@@ -43,7 +45,7 @@ struct Arguments {
   int64_t steps = 0, stop_step = 0, stride = 1;
   double minutes = 0, rank_timeout = CommOptions().timeout;
   uint64_t seed = 0;
-  int threads = 0;
+  int threads = 0, slurm_ranks = 0;
   bool print_defaults = false;
   bool seed_given = false, preset_given = false;
   std::string command_line;
@@ -230,7 +232,42 @@ int run_training(Arguments& arguments) {
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
   print(fmt::format("Go on with: graupel train {} --resume {}", word_of(arguments.architecture), arguments.out));
-  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+  return saved_exit_code();
+}
+
+/// Prints the batch script that trains so under Slurm.
+int print_slurm_script(Arguments& a) {
+  require_one_process("--emit-slurm");
+  TrainingOptions options;
+  settle_run(a, options);  // its errors, before anything is submitted
+  SlurmTraining training;
+  training.ranks = a.slurm_ranks;
+  training.program = std::filesystem::read_symlink("/proc/self/exe");
+  training.folder = std::filesystem::current_path();
+  training.run = a.out;
+  const std::string network = word_of(a.architecture);
+  training.resume = {network,
+                     "--resume",
+                     a.out,
+                     "--data",
+                     a.data,
+                     "--device",
+                     a.device,
+                     "--threads",
+                     std::to_string(a.threads),
+                     "--rank-timeout",
+                     fmt::format("{}", a.rank_timeout)};
+  if (a.minutes > 0) training.resume.insert(training.resume.end(), {"--minutes", fmt::format("{}", a.minutes)});
+  if (a.stop_step > 0) training.resume.insert(training.resume.end(), {"--stop-step", std::to_string(a.stop_step)});
+  if (!a.json.empty()) training.resume.insert(training.resume.end(), {"--json", a.json});
+  training.begin = training.resume;
+  if (a.resume.empty()) {
+    training.begin = without_option(without_option(process_words(), "--emit-slurm"), "--out");
+    training.begin.erase(training.begin.begin());
+    training.begin.insert(training.begin.end(), {"--out", a.out});
+  }
+  std::fputs(slurm_training_script(training).c_str(), stdout);
+  return 0;
 }
 
 int run_evaluation(const Arguments& arguments) {
@@ -306,6 +343,9 @@ void add_options(const Command& verb, Arguments& a) {
       .check(real_number(LowerBound::above_zero))
       .show_default();
   verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--emit-slurm", a.slurm_ranks,
+              "Print a batch script for Slurm with so many processes instead; it goes on where a job's time is over")
+      .check(whole_number(1, 1024));
   verb.flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
   verb.option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
   verb.option("--split", a.split, "Split that --evaluate reads: train, valid or test")
@@ -324,6 +364,7 @@ int train_or_evaluate(Arguments& arguments) {
     fmt::print("{}\n", train_config_text(config_of(arguments)));
     return 0;
   }
+  if (arguments.slurm_ranks > 0) return print_slurm_script(arguments);
   set_num_threads(arguments.threads);
   catch_stop_signals();
   return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
