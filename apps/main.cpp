@@ -25,6 +25,7 @@ void add_verbs(const graupel::CommandLine& program, int& exit_code) {
   add_convert(program);
   add_inspect(program);
   add_validate(program);
+  add_view(program);
   add_doctor(program);
   add_bench(program);
 }

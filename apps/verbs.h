@@ -18,6 +18,7 @@ void add_export(const Command& program);
 void add_convert(const Command& program);
 void add_inspect(const Command& program);
 void add_validate(const Command& program);
+void add_view(const Command& program);
 void add_doctor(const Command& program);
 void add_bench(const Command& program);
 

@@ -114,6 +114,8 @@ class TrajectoryReader {
   std::vector<float> values(int i, ParticleField field, int64_t first, int64_t count) const;
   std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
   std::vector<uint8_t> active(int i) const;                     ///< of all frames [frames, n]; empty when not stored
+  /// Of frames [first, first + count) [count, n]; empty when not stored.
+  std::vector<uint8_t> active(int i, int64_t first, int64_t count) const;
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
   std::string attribute(int i, const std::string& name) const;  ///< "" when absent
   /// Obstacles and walls whose forces trajectory i stores; empty for none.

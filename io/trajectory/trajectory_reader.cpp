@@ -299,12 +299,18 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
 }
 
 std::vector<uint8_t> TrajectoryReader::active(int i) const {
+  return active(i, 0, impl_->guarded(i, [&] { return static_cast<int64_t>(impl_->trajectory(i).times.size()); }));
+}
+
+std::vector<uint8_t> TrajectoryReader::active(int i, int64_t first, int64_t count) const {
   return impl_->guarded(i, [&] {
     const auto& dataset = impl_->trajectory(i).active;
     std::vector<uint8_t> values;
     if (!dataset) return values;
-    values.resize(dataset->size[0] * dataset->size[1]);
-    if (!values.empty()) dataset->read_rows(0, dataset->size[0], hdf5::Element::uint8, values.data());
+    GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(dataset->size[0]));
+    values.resize(static_cast<std::size_t>(count) * dataset->size[1]);
+    if (!values.empty())
+      dataset->read_rows(static_cast<hsize_t>(first), static_cast<hsize_t>(count), hdf5::Element::uint8, values.data());
     return values;
   });
 }
