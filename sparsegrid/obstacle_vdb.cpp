@@ -337,14 +337,11 @@ Buffer<char> to_nano(const GridType& grid) {
 }
 
 void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
-  try {
-    openvdb::io::File file(path + ".part");
+  write_part_file(path, [&](const std::string& part) {
+    openvdb::io::File file(part);
     file.write(grids);
     file.close();
-  } catch (const std::exception& e) {
-    throw IoError("'" + path + "' cannot be written (" + tame(e.what()) + "). Check the folder and the space left");
-  }
-  finish_part_file(path);
+  });
 }
 
 FloatGrid::Ptr union_level_set(const UnionRequest& request) {

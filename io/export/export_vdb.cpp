@@ -59,13 +59,6 @@ PointDataGrid::Ptr point_grid(const PointFrame& frame) {
   return grid;
 }
 
-void write_grid(const PointDataGrid::Ptr& grid, const std::string& path) {
-  openvdb::io::File file(path + ".part");
-  file.write({grid});
-  file.close();
-  finish_part_file(path);
-}
-
 class VdbPoints : public PointWriter {
  public:
   explicit VdbPoints(const ExportTarget& target) : target_(target) {
@@ -75,13 +68,12 @@ class VdbPoints : public PointWriter {
   void write(int64_t frame, const PointFrame& points) override {
     const std::string path = frame_file(target_, frame, ".vdb");
     check_finite(frame, points);  // OpenVDB sorts points into voxels: a NaN has none
-    try {
-      write_grid(point_grid(points), path);
-    } catch (const openvdb::Exception& error) {
-      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-    } catch (const std::ios_base::failure& error) {
-      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-    }
+    const PointDataGrid::Ptr grid = point_grid(points);
+    write_part_file(path, [&](const std::string& part) {
+      openvdb::io::File file(part);
+      file.write({grid});
+      file.close();
+    });
   }
 
  private:

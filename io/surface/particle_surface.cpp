@@ -194,14 +194,11 @@ void ParticleSurface::write_vdb(const std::string& path, double time) const {
   if (impl_->near.has_velocities())
     grids.push_back(arena.execute([&] { return velocity_grid(*impl_->level_set, impl_->near); }));
   for (const openvdb::GridBase::Ptr& grid : grids) grid->insertMeta("time", openvdb::DoubleMetadata(time));
-  try {
-    openvdb::io::File file(path + ".part");
+  write_part_file(path, [&](const std::string& part) {
+    openvdb::io::File file(part);
     file.write(grids);
     file.close();
-  } catch (const std::exception& error) {  // openvdb::IoError and std::ios_base::failure
-    throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-  }
-  finish_part_file(path);
+  });
 }
 
 }  // namespace graupel::io

@@ -91,6 +91,7 @@ class Scenario:
     """A command, its outputs, and how its user goes on after a failure."""
     expected_code = 0
     old = ()           # outputs that may be there before
+    may_be_killed_again = False  # by the same command, which goes on
     may_remain = r"^$"  # names that a failed run may leave beside whole outputs
     may_lie_about = r"^$"  # other files of the folder, which may be there whole or not
 
@@ -208,7 +209,7 @@ class Simulate(Scenario):
             return self.resume(state)
         if not os.path.exists(part):
             return []
-        told = re.search(r"the (\d+) frames flushed so far can be recovered", done.text)
+        told = re.search(r"run\.h5\.part' .*the (\d+) frames flushed so far can be recovered", done.text)
         os.rename(part, self.out + "/again.h5.part")
         code, text = faulty.call([faulty.GRAUPEL, "inspect", "--recover", self.out + "/again.h5"])
         count = 0
@@ -283,6 +284,7 @@ class Export(Scenario):
 
 class Generate(Scenario):
     """Interrupted, the same command makes the same data set."""
+    may_be_killed_again = True
     may_remain = r"^\.lock$|^parts/[a-z]+-\d{5}\.h5$"
 
     def __init__(self, place):
