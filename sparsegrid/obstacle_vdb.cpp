@@ -3,15 +3,18 @@
 // parse).
 #include <nanovdb/util/NanoToOpenVDB.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetRebuild.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
+
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <cstdlib>
 #include <mutex>
 
@@ -336,11 +339,18 @@ Buffer<char> to_nano(const GridType& grid) {
   return bytes;
 }
 
+/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
+struct SeekableArchive : openvdb::io::Archive {
+  using openvdb::io::Archive::write;
+};
+
 void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
   write_part_file(path, [&](const std::string& part) {
-    openvdb::io::File file(part);
-    file.write(grids);
-    file.close();
+    std::ofstream out;
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    out.open(part, std::ios::binary | std::ios::trunc);
+    SeekableArchive().write(out, openvdb::GridCPtrVec(grids.begin(), grids.end()), /*seekable=*/true);
+    out.close();
   });
 }
 

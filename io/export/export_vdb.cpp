@@ -1,6 +1,9 @@
 // OpenVDB point grids, one file a frame: P, v, id, type, J. The only file of this folder that knows OpenVDB.
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointConversion.h>
+
+#include <fstream>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -59,6 +62,11 @@ PointDataGrid::Ptr point_grid(const PointFrame& frame) {
   return grid;
 }
 
+/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
+struct SeekableArchive : openvdb::io::Archive {
+  using openvdb::io::Archive::write;
+};
+
 class VdbPoints : public PointWriter {
  public:
   explicit VdbPoints(const ExportTarget& target) : target_(target) {
@@ -70,9 +78,11 @@ class VdbPoints : public PointWriter {
     check_finite(frame, points);  // OpenVDB sorts points into voxels: a NaN has none
     const PointDataGrid::Ptr grid = point_grid(points);
     write_part_file(path, [&](const std::string& part) {
-      openvdb::io::File file(part);
-      file.write({grid});
-      file.close();
+      std::ofstream out;
+      out.exceptions(std::ios::failbit | std::ios::badbit);
+      out.open(part, std::ios::binary | std::ios::trunc);
+      SeekableArchive().write(out, openvdb::GridCPtrVec{grid}, /*seekable=*/true);
+      out.close();
     });
   }
 
