@@ -14,8 +14,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <cstdlib>
+#include <fstream>
 #include <mutex>
 
 #include "core/parallel/device.h"
