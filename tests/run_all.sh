@@ -55,6 +55,12 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped exported files in ${library#*:}: 'python3 tests/export/programs_test.py --install' installs it"
   done
+  if [ -e build/libgraupel_inject.so ]; then
+    check "failed writes of exports" /usr/bin/python3 tests/faults/faults_test.py --only export --kinds write
+  else
+    skipped=$((skipped + 1))
+    echo "skipped failed writes: 'ninja -C build graupel_inject' makes what they need"
+  fi
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py

@@ -4,12 +4,14 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <exception>
 #include <filesystem>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/atomic_file.h"
@@ -401,15 +403,22 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using graupel::ExitCode;
+  constexpr const char* out_of_memory = "out of memory. Set memory_limit lower, or take fewer scenes a batch";
   try {
     return graupel::train::run(argc, argv);
   } catch (const graupel::Error& error) {
     std::fprintf(stderr, "graupel-train: %s\n", error.what());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "graupel-train: out of memory. Set memory_limit lower, or take fewer scenes a batch\n");
+    std::fprintf(stderr, "graupel-train: %s\n", out_of_memory);
+  } catch (const std::system_error& error) {
+    const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
+    std::fprintf(stderr, "graupel-train: %s%s\n", error.what(),
+                 no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "graupel-train: %s\n", error.what());
+    // libtorch's own error, where it cannot have the memory of a tensor.
+    const bool no_memory = std::strstr(error.what(), "not enough memory") != nullptr;
+    std::fprintf(stderr, "graupel-train: %s\n", no_memory ? out_of_memory : error.what());
   }
   return static_cast<int>(ExitCode::failed);
 }
