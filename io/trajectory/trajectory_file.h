@@ -112,8 +112,8 @@ class TrajectoryReader {
   std::vector<float> positions(int i, int64_t first, int64_t count) const;
   std::vector<float> velocities(int i, int64_t first, int64_t count) const;
   std::vector<float> values(int i, ParticleField field, int64_t first, int64_t count) const;
-  std::vector<Vec3f> initial_velocity(int i) const;             ///< empty when not stored
-  std::vector<uint8_t> active(int i) const;                     ///< of all frames [frames, n]; empty when not stored
+  std::vector<Vec3f> initial_velocity(int i) const;  ///< empty when not stored
+  std::vector<uint8_t> active(int i) const;          ///< of all frames [frames, n]; empty when not stored
   /// Of frames [first, first + count) [count, n]; empty when not stored.
   std::vector<uint8_t> active(int i, int64_t first, int64_t count) const;
   Trajectory read(int i, FieldSet wanted = {}) const;           ///< whole trajectory
