@@ -333,7 +333,7 @@ TEST(Report, IsThinnedToItsLimit) {
 /// Runs headless Chromium on a page; `more` are further arguments. The exit status is not used: the output tells.
 void run_browser(const std::string& folder, const std::string& more) {
   const std::string command =
-      "timeout 50 chromium --headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader "
+      "timeout 150 chromium --headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader "
       "--enable-unsafe-swiftshader --hide-scrollbars --window-size=1280,1000 "
       "--enable-logging=stderr --user-data-dir='" +
       folder + "/profile' " + more + " 'file://" + folder + "/report.html' > '" + folder + "/dom.html' 2> '" + folder +
