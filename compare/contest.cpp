@@ -248,8 +248,8 @@ std::vector<Contest> decisive_contests(const Comparison& comparison) {
   const auto is_model = [&](const Contest& c) {
     return std::find(models.begin(), models.end(), c.model) != models.end();
   };
-  if (const auto some = chosen([](const Contest& c) { return !c.is_rival; }); !some.empty()) return some;
-  if (const auto some = chosen([&](const Contest& c) { return is_model(c) && c.model != c.rival; }); !some.empty())
+  if (auto some = chosen([](const Contest& c) { return !c.is_rival; }); !some.empty()) return some;
+  if (auto some = chosen([&](const Contest& c) { return is_model(c) && c.model != c.rival; }); !some.empty())
     return some;
   for (const Contest& strongest : chosen(is_model)) {
     const Scenes scenes = scenes_with(all_scenes(comparison), strongest.model);

@@ -36,9 +36,10 @@ TriangleMesh revolved(const std::vector<ProfilePoint>& profile) {
 
 std::vector<ProfilePoint> arc(double radius, double from, double to) {
   std::vector<ProfilePoint> profile;
-  for (int k = 0; k <= segments / 2; ++k) {
-    const double angle = from + (to - from) * k / (segments / 2);
-    profile.push_back({k == segments / 2 ? 0 : radius * std::cos(angle), radius * std::sin(angle)});
+  constexpr int pieces = segments / 2;
+  for (int k = 0; k <= pieces; ++k) {
+    const double angle = from + (to - from) * k / pieces;
+    profile.push_back({k == pieces ? 0 : radius * std::cos(angle), radius * std::sin(angle)});
   }
   return profile;
 }

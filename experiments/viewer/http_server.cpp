@@ -79,7 +79,7 @@ bool send_content(int socket, const HttpContent& content, const std::optional<By
 std::string receive_head(int socket, std::string& received) {
   while (true) {
     if (const auto end = received.find("\r\n\r\n"); end != std::string::npos) {
-      const std::string head = received.substr(0, end + 4);
+      std::string head = received.substr(0, end + 4);
       received.erase(0, end + 4);
       return head;
     }
