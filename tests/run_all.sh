@@ -61,6 +61,12 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped failed writes: 'ninja -C build graupel_inject' makes what they need"
   fi
+  if command -v slurmctld slurmd sbatch munged > /dev/null && [ "$(id -u)" = 0 ]; then
+    check "arrays and training under Slurm" /usr/bin/python3 tests/slurm/slurm_test.py
+  else
+    skipped=$((skipped + 1))
+    echo "skipped arrays and training under Slurm: needs root and the packages slurmctld slurmd slurm-client munge"
+  fi
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py

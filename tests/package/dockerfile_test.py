@@ -163,6 +163,7 @@ class Build:
 def try_image(image):
     assert "graupel simulate" in image.image(), "the image's own command shows the help"
     assert image.run(["id", "-un"]).strip() != "root", "the image runs as root"
+    image.run(["/bin/sh", "-c", "rm -rf ./*"])  # of an earlier call
     print(image.image("doctor"))
     scenes = "/usr/share/graupel/scenes"
     image.image("simulate", f"{scenes}/shared/water_steps.json", "-o", "steps.h5", "--frames", "10")
@@ -170,9 +171,11 @@ def try_image(image):
     image.image("rollout", "/usr/share/graupel/models/hgn.safetensors", f"{scenes}/shared/water_steps.json", "-o",
                 "predicted.h5", "--frames", "4")
     image.image("generate", f"{scenes}/recipes/hgn.json", "-o", "data", "--set", "counts.train=1", "--set",
-                "counts.valid=0", "--set", "counts.test=0", "--set", "frames=12", "--set", "dx=0.05")
+                "counts.valid=0", "--set", "counts.test=0", "--set", "frames=12", "--set", "domain.dx=0.04")
     image.image("convert", "data", "data-gns", "--format", "gns")
-    image.image("train", "hgn", "--data", "data", "--out", "run", "--steps", "2", "--set", "rollout_frames=2")
+    image.image("train", "hgn", "--data", "data", "--out", "run", "--steps", "2", "--set", "rollout_frames=2",
+                "--set", "hgn.dx=0.04", "--set", "hgn.latent=8", "--set", "hgn.message_passing=1", "--set",
+                "batch_scenes=1")
     print(f"the image runs as {image.user}: it tells its devices, simulates 10 frames, predicts, makes and converts data "
           "and trains two steps")
 

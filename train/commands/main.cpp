@@ -7,7 +7,6 @@
 #include <cstring>
 #include <ctime>
 #include <exception>
-#include <filesystem>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
@@ -18,7 +17,6 @@
 #include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
-#include "core/system/shell_words.h"
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/commands/coarse_command.h"
@@ -133,8 +131,7 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
   if (says_how_to_train(arguments))
     throw ConfigError(
         "a resumed run keeps its settings (--preset, --config, --set, --steps, --from, --teacher and --seed are for "
-        "new runs). "
-        "Leave them out");
+        "new runs). Leave them out");
   arguments.out =
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
   options.resume = true;
@@ -242,33 +239,21 @@ int print_slurm_script(Arguments& a) {
   require_one_process("--emit-slurm");
   TrainingOptions options;
   settle_run(a, options);  // its errors, before anything is submitted
-  SlurmTraining training;
-  training.ranks = a.slurm_ranks;
-  training.program = std::filesystem::read_symlink("/proc/self/exe");
-  training.folder = std::filesystem::current_path();
-  training.run = a.out;
-  const std::string network = word_of(a.architecture);
-  training.resume = {network,
-                     "--resume",
-                     a.out,
-                     "--data",
-                     a.data,
-                     "--device",
-                     a.device,
-                     "--threads",
-                     std::to_string(a.threads),
-                     "--rank-timeout",
-                     fmt::format("{}", a.rank_timeout)};
-  if (a.minutes > 0) training.resume.insert(training.resume.end(), {"--minutes", fmt::format("{}", a.minutes)});
-  if (a.stop_step > 0) training.resume.insert(training.resume.end(), {"--stop-step", std::to_string(a.stop_step)});
-  if (!a.json.empty()) training.resume.insert(training.resume.end(), {"--json", a.json});
-  training.begin = training.resume;
-  if (a.resume.empty()) {
-    training.begin = without_option(without_option(process_words(), "--emit-slurm"), "--out");
-    training.begin.erase(training.begin.begin());
-    training.begin.insert(training.begin.end(), {"--out", a.out});
-  }
-  std::fputs(slurm_training_script(training).c_str(), stdout);
+  std::vector<std::string> resume = {word_of(a.architecture),
+                                     "--resume",
+                                     a.out,
+                                     "--data",
+                                     a.data,
+                                     "--device",
+                                     a.device,
+                                     "--threads",
+                                     std::to_string(a.threads),
+                                     "--rank-timeout",
+                                     fmt::format("{}", a.rank_timeout)};
+  if (a.minutes > 0) resume.insert(resume.end(), {"--minutes", fmt::format("{}", a.minutes)});
+  if (a.stop_step > 0) resume.insert(resume.end(), {"--stop-step", std::to_string(a.stop_step)});
+  if (!a.json.empty()) resume.insert(resume.end(), {"--json", a.json});
+  fmt::print("{}", slurm_training_script(slurm_training(a.slurm_ranks, a.out, resume, a.resume.empty())));
   return 0;
 }
 

@@ -1,5 +1,7 @@
 #include "train/commands/slurm_script.h"
 
+#include <filesystem>
+
 #include "core/system/shell_words.h"
 #include "core/system/stop_signal.h"
 
@@ -24,6 +26,17 @@ done
 )";
 
 }  // namespace
+
+SlurmTraining slurm_training(int ranks, const std::string& run, const std::vector<std::string>& resume, bool is_new) {
+  SlurmTraining training = {
+      ranks, std::filesystem::read_symlink("/proc/self/exe"), resume, resume, run, std::filesystem::current_path()};
+  if (is_new) {
+    training.begin = without_option(without_option(process_words(), "--emit-slurm"), "--out");
+    training.begin.erase(training.begin.begin());
+    training.begin.insert(training.begin.end(), {"--out", run});
+  }
+  return training;
+}
 
 std::string slurm_training_script(const SlurmTraining& training) {
   const std::string ranks = std::to_string(training.ranks), code = std::to_string(start_again_exit_code);

@@ -14,6 +14,9 @@ struct SlurmTraining {
   std::string run, folder;          ///< run folder; where relative paths begin
 };
 
+/// The training that this process's words name, in its folder. A run that is not new begins by `resume` too.
+SlurmTraining slurm_training(int ranks, const std::string& run, const std::vector<std::string>& resume, bool is_new);
+
 /// Slurm sends SIGUSR1 two minutes before the time is over; the training saves and ends with start_again_exit_code; the
 /// script then requeues its job, which goes on with the run folder. Needs no accounting.
 std::string slurm_training_script(const SlurmTraining& training);
