@@ -66,6 +66,8 @@ void add_compare(const Command& app) {
       .show_default();
   command.flag("!--no-free-flight", options.free_flight,
                "Let networks change the momentum of what flies freely in rollouts");
+  command.flag("--forces", options.forces,
+               "Record the forces of runs of MPM on obstacles and walls for the report, by a second run each");
   command.flag("--one-step-only", options.one_step_only, "No rollouts, one-step errors alone");
   command.flag("--no-floors", verb->no_floors, "Leave out the chaos floors (two MPM runs a scene)");
   command

@@ -18,7 +18,15 @@ void add_generate(const Command& app) {
       .one_value_each();
   verb.option("--fields", options->scenes.fields,
               "Store these of every frame too: stress,affine,deformation_gradient,plastic");
-  verb.option("--shard", options->shard, "Make every N-th scene, from I on: I/N").show_default();
+  verb.option("--shard", options->shard,
+              "Make every N-th scene, from I on: I/N; slurm: this task's part of its job array")
+      .show_default()
+      .remember_in(options->shard_given);
+  verb.option("--emit-slurm", options->slurm_tasks,
+              "Print a script that submits this to Slurm instead: an array of so many tasks, and a job that finishes "
+              "the set")
+      .check(whole_number(1, 100000))
+      .excludes("--shard");
   verb.option("--batch", options->set.batch,
               "Scenes that advance together (0: what fills a GPU, at most 64; 1 a thread on the CPU); the bytes "
               "do not depend on it")
@@ -38,6 +46,7 @@ void add_generate(const Command& app) {
       "its index and the kind of device alone: not on the batch, the shard or the threads.\n\nExamples:\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8 --device cuda --batch 128\n"
+      "  graupel generate scenes/recipes/hgn.json -o data/hgn --emit-slurm 8 > submit.sh\n"
       "  graupel generate sweep.json -o data/sweep --set scene.frames=20");
   verb.callback([options] { generate(*options); });
 }

@@ -12,7 +12,7 @@ void add_verbs(const graupel::CommandLine& program, int& exit_code) {
           "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report "
           "report.html\n"
           "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, "
-          "130 interrupted.\n") +
+          "75 stopped by SIGUSR1 (start again to go on), 130 interrupted.\n") +
       graupel::experiments::environment_help);
   add_demo(program);
   add_compare(program);

@@ -143,6 +143,10 @@ bool computed(const Comparison& comparison, MetricGroup group) {
   return std::find(comparison.groups.begin(), comparison.groups.end(), group) != comparison.groups.end();
 }
 
+bool is_truth(const SceneResult& scene, const ModelResult& result) {
+  return result.model == "mpm" && !scene.stored_truth;
+}
+
 MetricValues floors_of(const SceneResult& scene) {
   MetricValues floors;
   if (!scene.models.empty())

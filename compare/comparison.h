@@ -31,6 +31,12 @@ struct TrustResult {
   std::optional<double> bound = {};  ///< on the run's own displacement-relative error; it decides where there is one
 };
 
+/// What the matter of a run did to obstacles and walls.
+struct ContactForces {
+  std::vector<std::string> names;                 ///< contact_names() of the scene; empty: not known
+  std::vector<std::vector<ContactForce>> frames;  ///< [frames + 1, names]
+};
+
 struct ModelResult {
   std::string model;  ///< as given: "mpm", "mpm:coarse" or a weights file
   ModelRole role = ModelRole::mpm;
@@ -47,12 +53,14 @@ struct ModelResult {
   std::vector<std::string> remarks;  ///< what a reader must know of this run, a sentence each
   std::string picture;               ///< PNG of the picture row; may be empty
   PlayerTrack track;
+  ContactForces forces;  ///< of runs of MPM, where they are recorded
 };
 
-/// What the matter of a run did to obstacles and walls.
-struct ContactForces {
-  std::vector<std::string> names;                 ///< contact_names() of the scene; empty: not known
-  std::vector<std::vector<ContactForce>> frames;  ///< [frames + 1, names]
+/// A run that costs next to nothing, which every model has to beat.
+struct RivalRun {
+  std::string name;     ///< "mpm:coarse:fast", "nothing-moves"
+  MetricValues values;  ///< group rollout; frame_ms, 0 for what computes nothing
+  ErrorCurves curves;
 };
 
 struct SceneResult {
@@ -71,8 +79,10 @@ struct SceneResult {
   /// First unusable frame of the runs that all models are held against, where one diverged: the opponent, "moved" and
   /// "reseeded" (the chaos floors).
   std::map<std::string, int64_t> diverged_references;
-  std::string picture;        ///< PNG of the truth's picture row
-  ContactForces true_forces;  ///< of a truth whose file keeps them
+  std::vector<RivalRun> rivals;  ///< the opponent and nothing-moves, whether compared or not
+  bool stored_truth = false;     ///< the truth is of a file; else it is the run of mpm
+  std::string picture;           ///< PNG of the truth's picture row
+  ContactForces true_forces;     ///< of a truth whose file keeps them, or that recorded them
   PlayerTrack truth;
   PlayerObstacles obstacles;
   std::vector<ModelResult> models;
@@ -118,6 +128,8 @@ std::vector<std::string> models_of(const Comparison& comparison);
 std::string mark_of_missing_scenes(const Comparison& comparison, const std::string& model);
 
 bool computed(const Comparison& comparison, MetricGroup group);
+/// Whether a row is the truth itself: mpm, where no file gave the truth.
+bool is_truth(const SceneResult& scene, const ModelResult& result);
 /// A scene's chaos floors under the names of the metrics that they bound; empty where they were not computed.
 MetricValues floors_of(const SceneResult& scene);
 /// What must not be overlooked about the scene's reference runs: "mpm:coarse diverged at frame 7"; empty for most.

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "compare/break_even.h"
+#include "compare/contest.h"
 #include "compare/reduced_rows.h"
 
 namespace graupel::compare {
@@ -67,6 +68,23 @@ Json break_even_json(const BreakEven& result, const Comparison& comparison) {
                               {"verdict", name_of(rival.verdict)},
                               {"scenes", number_or_null(rival.scenes)}});
   json["sentence"] = break_even_sentence(result, comparison);
+  return json;
+}
+
+Json contest_json(const Contest& contest, const Comparison& comparison) {
+  constexpr const char* outcomes[] = {"wins", "level", "loses"};
+  const auto word = [&](Outcome outcome) { return outcomes[static_cast<std::size_t>(outcome)]; };
+  Json json = {{"model", contest.model},   {"rival", contest.rival}, {"outcome", word(contest.outcome)},
+               {"scenes", contest.scenes}, {"won", contest.won},     {"lost", contest.lost}};
+  for (const auto& [key, metric] : contest.metrics)
+    json["ratios"][key] = {{"outcome", word(metric.outcome)}, {"ratio", metric.ratio}};
+  json["time_ratio"] = number_or_null(contest.time_ratio);
+  json["falls_behind"] = Json();
+  if (contest.failure)
+    json["falls_behind"] = {
+        {"scene", contest.failure->scene}, {"frame", contest.failure->frame}, {"diverged", contest.failure->diverged}};
+  json["scenes_outside_training"] = contest.outside_training;
+  json["sentence"] = contest_sentence(contest, comparison);
   return json;
 }
 
@@ -188,9 +206,13 @@ Json comparison_json(const Comparison& comparison) {
   json["scenes"] = Json::array();
   json["results"] = Json::array();
   for (const SceneResult& scene : comparison.scenes) {
-    Json entry = {
-        {"name", scene.name},     {"source", scene.source},         {"particles", scene.particles},
-        {"frames", scene.frames}, {"frame_time", scene.frame_time}, {"true_kinetic_energy", scene.true_energy}};
+    Json entry = {{"name", scene.name},
+                  {"source", scene.source},
+                  {"particles", scene.particles},
+                  {"frames", scene.frames},
+                  {"frame_time", scene.frame_time},
+                  {"truth", scene.stored_truth ? "file" : "mpm"},
+                  {"true_kinetic_energy", scene.true_energy}};
     if (computed(comparison, MetricGroup::floors))
       entry["floor_curves"] = {{"position_error", scene.floor_position}, {"density_error", scene.floor_density}};
     if (!scene.category.empty()) entry["category"] = scene.category;
@@ -217,6 +239,9 @@ Json comparison_json(const Comparison& comparison) {
           values_json(metric_list(), geometric_mean_over_scenes(comparison, model, category));
   }
   if (const std::string sentence = headline(comparison); !sentence.empty()) json["headline"] = sentence;
+  json["verdicts"] = Json::array();
+  for (const Contest& contest : decisive_contests(comparison))
+    json["verdicts"].push_back(contest_json(contest, comparison));
   const std::vector<std::string> sentences = reduced_sentences(comparison);
   if (!sentences.empty()) {
     json["reduced_models"] = sentences;
@@ -289,7 +314,9 @@ std::string comparison_table(const Comparison& comparison) {
   const std::vector<std::string> sentences = reduced_sentences(comparison);
   if (!sentences.empty()) table += wrapped(reduced_legend(comparison));
   for (const std::string& sentence : sentences) table += wrapped(sentence);
-  table += wrapped(headline(comparison));
+  const std::vector<Contest> decisive = decisive_contests(comparison);
+  for (const Contest& contest : decisive) table += wrapped(contest_sentence(contest, comparison));
+  if (!decisive.empty()) table += wrapped(floor_sentence(comparison));
   for (const BreakEven& result : break_evens(comparison)) table += wrapped(break_even_sentence(result, comparison));
   return table;
 }

@@ -3,16 +3,19 @@
 // parse).
 #include <nanovdb/util/NanoToOpenVDB.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetRebuild.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
+
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <mutex>
 
 #include "core/parallel/device.h"
@@ -336,15 +339,19 @@ Buffer<char> to_nano(const GridType& grid) {
   return bytes;
 }
 
+/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
+struct SeekableArchive : openvdb::io::Archive {
+  using openvdb::io::Archive::write;
+};
+
 void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
-  try {
-    openvdb::io::File file(path + ".part");
-    file.write(grids);
-    file.close();
-  } catch (const std::exception& e) {
-    throw IoError("'" + path + "' cannot be written (" + tame(e.what()) + "). Check the folder and the space left");
-  }
-  finish_part_file(path);
+  write_part_file(path, [&](const std::string& part) {
+    std::ofstream out;
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    out.open(part, std::ios::binary | std::ios::trunc);
+    SeekableArchive().write(out, openvdb::GridCPtrVec(grids.begin(), grids.end()), /*seekable=*/true);
+    out.close();
+  });
 }
 
 FloatGrid::Ptr union_level_set(const UnionRequest& request) {

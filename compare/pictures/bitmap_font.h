@@ -1,4 +1,4 @@
-// Labels in pictures: a fixed 5 x 7 font for printable ASCII.
+// Labels in pictures: a fixed font of 5 x 7 pixels (the foot of g is in an eighth row) for printable ASCII.
 #pragma once
 
 #include <string>

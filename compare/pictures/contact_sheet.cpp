@@ -33,10 +33,12 @@ Image picture_of(const Backdrop& backdrop, const ParticleRun& run, std::size_t f
 }  // namespace
 
 std::vector<std::size_t> picture_frames(std::size_t last) {
+  if (last >= 300) return {10, 60, 150, 300};
   std::vector<std::size_t> frames;
-  for (const std::size_t frame : {10, 60, 150, 300})
-    if (frame <= last) frames.push_back(frame);
-  if (frames.size() < 4 && (frames.empty() || frames.back() < last)) frames.push_back(last);
+  for (std::size_t quarter = 1; quarter <= 4; ++quarter) {
+    const std::size_t frame = std::max<std::size_t>(1, (quarter * last + 2) / 4);
+    if (frame <= last && (frames.empty() || frame > frames.back())) frames.push_back(frame);
+  }
   return frames;
 }
 

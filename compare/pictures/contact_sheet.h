@@ -11,7 +11,7 @@
 
 namespace graupel::compare {
 
-/// Frames 10, 60, 150 and 300 as far as the run goes, and the last frame of a run that ends before 300. Ascending.
+/// Frames 10, 60, 150 and 300; of a run that ends before 300 those that end its quarters. Ascending, each once.
 std::vector<std::size_t> picture_frames(std::size_t last);
 
 /// One run's pictures side by side with the label and frame number in each.

@@ -231,7 +231,8 @@ function describe() {
 function pickScene() {
   modelPick.replaceChildren(...scene().tracks.slice(1).map((t) => new Option(t.label)));
   const learned = scene().tracks.slice(1).findIndex((t) => !t.label.startsWith('mpm'));
-  modelPick.selectedIndex = Math.max(0, learned);
+  const cheaper = scene().tracks.slice(1).findIndex((t) => t.label !== 'mpm');
+  modelPick.selectedIndex = Math.max(0, learned >= 0 ? learned : cheaper);
   scrub.max = scene().frames;
   frame = Math.min(frame, scene().frames);
   describe();

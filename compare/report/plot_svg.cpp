@@ -126,7 +126,17 @@ class Painter {
  private:
   double px(double x) const { return left + x_.fraction(x) * (plot_.width - left - right); }
   double py(double y) const { return plot_.height - bottom - y_.fraction(y) * (plot_.height - top - bottom); }
-  int legend_height() const { return 16 * static_cast<int>((plot_.lines.size() + 1) / 2); }
+  /// Two labels a row, or one where one is long.
+  std::size_t legend_columns() const {
+    const auto is_long = [&](const PlotLine& l) { return l.label.size() > (plot_.width > 400 ? 34u : 20u); };
+    return std::any_of(plot_.lines.begin(), plot_.lines.end(), is_long) ? 1 : 2;
+  }
+  int legend_height() const {
+    return 16 * static_cast<int>((plot_.lines.size() + legend_columns() - 1) / legend_columns());
+  }
+  static const char* dashes(const PlotLine& l) {
+    return l.style == LineStyle::dotted ? " stroke-dasharray=\"2 3\"" : l.dashed ? " stroke-dasharray=\"5 4\"" : "";
+  }
 
   void text(double x, double y, const char* anchor, const std::string& content, const char* more = "") {
     out_ += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" {}>{}</text>\n", x, y, anchor, more,
@@ -166,20 +176,36 @@ class Painter {
       pen_down = shown;
     }
     if (path.empty()) return;
+    if (l.style == LineStyle::area) return area(l, path);
     out_ +=
         fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-linejoin=\"round\"{}/>\n",
-                    path, series_color(k), l.dashed ? " stroke-dasharray=\"5 4\"" : "");
+                    path, series_color(k), dashes(l));
+  }
+
+  /// Down to the axis, from where the line begins to where it ends.
+  void area(const PlotLine& l, const std::string& path) {
+    Bounds shown;
+    for (std::size_t i = 0; i < l.x.size(); ++i)
+      if (std::isfinite(l.x[i]) && y_.shows(l.y[i])) shown.include(l.x[i]);
+    out_ += fmt::format("<path d=\"{}V{}H{:.1f}Z\" fill=\"currentColor\" fill-opacity=\"0.13\" stroke=\"none\"/>\n",
+                        path, plot_.height - bottom, px(shown.low));
   }
 
   void legend() {
     for (std::size_t k = 0; k < plot_.lines.size(); ++k) {
-      const std::size_t row = k / 2, column = k % 2;
+      const std::size_t row = k / legend_columns(), column = k % legend_columns();
       const double x = left + static_cast<double>(column) * 0.5 * (plot_.width - left - right);
       const double y = plot_.height + 16 * static_cast<double>(row) + 4;
-      out_ += fmt::format(
-          "<line x1=\"{0:.1f}\" x2=\"{1:.1f}\" y1=\"{2:.1f}\" y2=\"{2:.1f}\" stroke=\"{3}\" "
-          "stroke-width=\"2.5\"{4}/>\n",
-          x, x + 20, y, series_color(k), plot_.lines[k].dashed ? " stroke-dasharray=\"5 4\"" : "");
+      if (plot_.lines[k].style == LineStyle::area)
+        out_ += fmt::format(
+            "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"20\" height=\"10\" fill=\"currentColor\" "
+            "fill-opacity=\"0.25\"/>\n",
+            x, y - 5);
+      else
+        out_ += fmt::format(
+            "<line x1=\"{0:.1f}\" x2=\"{1:.1f}\" y1=\"{2:.1f}\" y2=\"{2:.1f}\" stroke=\"{3}\" "
+            "stroke-width=\"2.5\"{4}/>\n",
+            x, x + 20, y, series_color(k), dashes(plot_.lines[k]));
       text(x + 26, y + 4, "start", plot_.lines[k].label);
     }
   }

@@ -7,12 +7,13 @@
 namespace graupel::compare {
 
 enum class Axis { linear, logarithmic };
-enum class LineStyle { line, points };
+/// `dotted` is for what must be read with care, `area` for a noise floor: grey below the line.
+enum class LineStyle { line, points, dotted, area };
 
 struct PlotLine {
   std::string label;
   std::vector<double> x, y;  ///< same length; points that the axes cannot show are left out
-  bool dashed = false;       ///< for floors and references
+  bool dashed = false;       ///< for references
   LineStyle style = LineStyle::line;
 };
 

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <new>
 
 #include "core/system/error.h"
 
@@ -22,10 +23,11 @@ namespace {
 
 [[noreturn]] void fail(const std::string& what, const std::string& path) {
   const int code = errno;
-  std::string hint;
-  if (code == ENOSPC) hint = ". Free space on that disk or choose another folder";
-  if (code == EACCES || code == EROFS || code == EPERM) hint = ". Choose a folder you may write to";
-  throw IoError("cannot " + what + " '" + path + "' (" + std::strerror(code) + ")" + hint);
+  std::string hint = "Check the disk or choose another folder";
+  if (code == ENOSPC || code == EDQUOT) hint = "Free space on that disk or choose another folder";
+  if (code == EACCES || code == EROFS || code == EPERM) hint = "Choose a folder you may write to";
+  if (code == EMFILE || code == ENFILE) hint = "Allow more open files (ulimit -n)";
+  throw IoError("cannot " + what + " '" + path + "' (" + std::strerror(code) + "). " + hint);
 }
 
 class Descriptor {
@@ -57,10 +59,18 @@ void write_all(int fd, const std::vector<std::string_view>& pieces, const std::s
   for (const std::string_view piece : pieces) write_all(fd, piece, path);
 }
 
+/// Some files, as a folder on a network, cannot be synced (EINVAL): that is no error.
+void sync_descriptor(int fd, const std::string& path) {
+  while (::fsync(fd) != 0) {
+    if (errno == EINVAL) return;
+    if (errno != EINTR) fail("sync", path);
+  }
+}
+
 void sync_path(const std::string& path, int flags) {
-  Descriptor fd(::open(path.c_str(), flags));
+  const Descriptor fd(::open(path.c_str(), flags));
   if (fd.get() < 0) fail("open", path);
-  if (::fsync(fd.get()) != 0 && errno != EINVAL) fail("sync", path);
+  sync_descriptor(fd.get(), path);
 }
 
 /// Creates a file beside `path` that no other thread or process writes; returns its name.
@@ -74,13 +84,13 @@ std::string create_aside(const std::string& path) {
   }
 }
 
-void finish(const std::string& part, const std::string& path) {
+}  // namespace
+
+void replace_file(const std::string& part, const std::string& path) {
   if (std::rename(part.c_str(), path.c_str()) != 0) fail("rename the finished file to", path);
   const std::string folder = fs::absolute(path).parent_path().string();
   sync_path(folder, O_RDONLY | O_DIRECTORY);
 }
-
-}  // namespace
 
 void finish_part_file(const std::string& path) {
   struct stat status {};
@@ -88,7 +98,24 @@ void finish_part_file(const std::string& path) {
     throw IoError("cannot write '" + path +
                   "' (it is no regular file, and would be replaced). What was written is in '" + path + ".part'");
   sync_path(path + ".part", O_RDONLY);
-  finish(path + ".part", path);
+  replace_file(path + ".part", path);
+}
+
+void write_part_file(const std::string& path, const std::function<void(const std::string& part)>& write) {
+  const std::string part = path + ".part";
+  try {
+    write(part);
+    finish_part_file(path);
+  } catch (const Error&) {
+    remove_path(part);
+    throw;
+  } catch (const std::bad_alloc&) {
+    remove_path(part);
+    throw;
+  } catch (const std::exception& error) {
+    remove_path(part);
+    throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
+  }
 }
 
 void write_file_atomically(const std::string& path, std::string_view bytes) {
@@ -113,8 +140,8 @@ void write_file_atomically(const std::string& path, const std::vector<std::strin
     Descriptor fd(::open(part.c_str(), O_WRONLY));
     if (fd.get() < 0) fail("open", part);
     write_all(fd.get(), pieces, part);
-    if (::fsync(fd.get()) != 0) fail("sync", part);
-    finish(part, path);
+    sync_descriptor(fd.get(), part);
+    replace_file(part, path);
   } catch (...) {
     ::unlink(part.c_str());
     throw;

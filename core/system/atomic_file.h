@@ -1,6 +1,7 @@
 // Whole-file writes that never leave a truncated file: written aside as `<path>.*part`, synced, renamed.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,8 +18,15 @@ void write_file_atomically(const std::string& path, const std::vector<std::strin
 /// Waits until what was written to `path` is on the disk; throws IoError.
 void sync_file(const std::string& path);
 
+/// Renames `part` to `path`, which it replaces, and waits until the folder is on the disk; throws IoError.
+void replace_file(const std::string& part, const std::string& path);
+
 /// fsync of `path`.part, rename to `path`, fsync of the folder: the last step of any streamed writer.
 void finish_part_file(const std::string& path);
+
+/// For files that another library writes: write(`path`.part), then finish_part_file. Where that fails, the part file is
+/// removed, and the library's exception becomes an IoError.
+void write_part_file(const std::string& path, const std::function<void(const std::string& part)>& write);
 
 /// Reads a whole file; throws InputError when it is missing, unreadable or larger than `limit` bytes.
 std::string read_file(const std::string& path, std::size_t limit = std::size_t(1) << 31);

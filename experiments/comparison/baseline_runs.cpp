@@ -30,12 +30,14 @@ TimedRun timed_run(const compare::ParticleRun& truth, const Positions& positions
   trajectory.frame_time = truth.trajectory.frame_time;
   trajectory.seed = truth.trajectory.seed;
   trajectory.frames.push_back({.time = 0, .position = truth.position(0), .velocity = {}});
+  trajectory.frames.back().active = truth.trajectory.frames.front().active;
   std::vector<double> seconds;
   for (std::size_t f = 1; f <= truth.predicted(); ++f) {
     stop_if_interrupted();
     const Stopwatch watch;
     ParticleFrame frame{
         .time = truth.trajectory.frames[f].time, .position = positions(static_cast<int64_t>(f)), .velocity = {}};
+    frame.active = truth.trajectory.frames[f].active;
     seconds.push_back(watch.seconds());
     trajectory.frames.push_back(std::move(frame));
   }

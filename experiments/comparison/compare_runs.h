@@ -24,6 +24,7 @@ struct CompareOptions {
   int64_t one_step_stride = 5;      ///< every how many frames the one-step error is taken
   double density_limit = 1;         ///< of networks' rollouts, of the density at rest; 0: none
   bool free_flight = true;          ///< of networks' rollouts: what flies keeps its momentum
+  bool forces = false;              ///< record those of runs of MPM on obstacles and walls, by runs of their own
   std::vector<std::string> set;     ///< scene keys, "key=value"
   std::optional<uint64_t> seed;     ///< of the particle sampling; default the scene's; of a recipe's draws, default 0
   std::string device = "auto";      ///< of MPM

@@ -104,6 +104,7 @@ SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask&
   result_.size = task.scene.domain.size;
   result_.up = compare::up_axis(task.scene);
   result_.true_forces = task.forces;
+  result_.stored_truth = task.stored.has_value();
 }
 
 TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
@@ -113,6 +114,7 @@ TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
                                .frames = task_.frames,
                                .label = label(mpm::variant_word(variant)),
                                .tracers = judged_by_tracers(variant) ? &start_ : nullptr,
+                               .contact_forces = options_.forces,
                                .must_finish = variant == mpm::same_solver && !task_.stored});
 }
 
@@ -127,6 +129,7 @@ void SceneComparison::make_truth() {
     }
   } else {
     truth_ = run_variant(mpm::same_solver);
+    result_.true_forces = truth_.forces;
     start_ = start_of(task_.scene, task_.seed);
   }
   result_.particles = truth_.run.size();
@@ -165,6 +168,12 @@ SceneFloors SceneComparison::measure_floors() {
   return floors;
 }
 
+void SceneComparison::add_rival(const std::string& name, const TimedRun& run, double frame_ms) {
+  compare::Evaluation evaluation = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, run.run);
+  evaluation.values["frame_ms"] = frame_ms;
+  result_.rivals.push_back({name, std::move(evaluation.values), std::move(evaluation.curves)});
+}
+
 void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   const compare::Evaluation self = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, truth_.run);
   result_.true_energy = self.curves.kinetic_energy;
@@ -172,8 +181,11 @@ void SceneComparison::make_references(const mpm::SolverVariant& opponent) {
   result_.opponent = mpm::variant_word(opponent);
   opponent_run_ = run_variant(opponent);
   note_divergence(result_.opponent, *opponent_run_);
-  opponent_values_ = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, opponent_run_->run).values;
-  opponent_values_["frame_ms"] = result_.opponent_frame_ms = 1e3 * opponent_run_->cost.frame;
+  result_.opponent_frame_ms = 1e3 * opponent_run_->cost.frame;
+  add_rival(result_.opponent, *opponent_run_, result_.opponent_frame_ms);
+  opponent_values_ = result_.rivals.back().values;
+  const BaselineRun still = baseline_runs(nullptr, task_, truth_.run).front();
+  add_rival(still.name, still.timed, 0);
   result_.mpm_frame_ms = 1e3 * truth_.cost.frame;
   if (options_.floors) {
     floors_ = options_.floor_file.empty() ? measure_floors()
@@ -295,7 +307,8 @@ const TimedRun& SceneComparison::run_of(const ComparedModel& model, TimedRun& ow
                                      .seed = task_.seed,
                                      .frames = task_.frames,
                                      .label = label(choice.label),
-                                     .tracers = &start_});
+                                     .tracers = &start_,
+                                     .contact_forces = options_.forces});
     case ModelKind::mpm:
       break;
   }
@@ -329,12 +342,13 @@ void SceneComparison::judge(const TimedRun& timed, const compare::RunCost& cost,
   result.curves = std::move(evaluation.curves);
   result.diverged_at_frame = timed.run.trajectory.diverged_at_frame;
   result.trust = timed.trust;
+  result.forces = timed.forces;
   result.values.merge(compare::cost_values(cost, timed.moved, truth_.cost.frame));
   result.values.insert(floors_.values.begin(), floors_.values.end());
   if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
   const bool is_opponent = opponent_run_ && &timed == &*opponent_run_;
-  if (!is_opponent) result.against_opponent = verdicts(result.values, opponent_values_, floors_.values);
-  result.values["loses_to_coarse"] = loses(result.against_opponent) ? 1 : 0;
+  if (!is_opponent) result.against_opponent = compare::verdicts(result.values, opponent_values_, floors_.values);
+  result.values["loses_to_coarse"] = compare::loses(result.against_opponent) ? 1 : 0;
   if (!backdrop_) return;
   const auto frames = compare::picture_frames(truth_.run.predicted());
   result.picture = compare::encode_png(compare::picture_row(*backdrop_, timed.run, frames, name));

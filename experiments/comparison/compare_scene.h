@@ -44,6 +44,8 @@ class SceneComparison {
  private:
   void make_truth();
   void make_references(const mpm::SolverVariant& opponent);
+  /// What every model has to beat; `frame_ms` of what computes nothing is 0.
+  void add_rival(const std::string& name, const TimedRun& run, double frame_ms);
   /// MPM against itself: with particles moved a little (position errors), and with another seed (the rest).
   SceneFloors measure_floors();
   /// Remembers that a reference run diverged.

@@ -42,36 +42,17 @@ mpm::SolverVariant opponent_of(const std::vector<ModelChoice>& models) {
 
 bool has_one_step_error(ModelKind kind) { return kind == ModelKind::network || kind == ModelKind::reduced; }
 
-std::map<std::string, std::string> verdicts(const compare::MetricValues& model, const compare::MetricValues& opponent,
-                                            const compare::MetricValues& floors) {
-  std::map<std::string, std::string> verdict;
-  for (const std::string key : deciding_metrics) {
-    const double difference = model.at(key) - opponent.at(key);
-    const auto floor = floors.find("floor_" + key);
-    if (std::abs(difference) <= (floor == floors.end() ? 0 : floor->second))
-      verdict[key] = "tie";
-    else
-      verdict[key] = difference > 0 ? "worse" : "better";
-  }
-  return verdict;
-}
-
 compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
                              const compare::MetricValues& floors) {
   constexpr double smallest = 1e-30;  // where both the error and its floor are 0
   compare::MetricValues ratios;
-  for (const std::string key : deciding_metrics) {
+  for (const std::string key : compare::deciding_metrics) {
     const double floor = floors.at("floor_" + key);
     const auto beyond = [&](double error) { return std::max({error - floor, floor / 10, smallest}); };
     ratios["ratio_" + key] = beyond(model.at(key)) / beyond(opponent.at(key));
   }
   ratios["ratio_frame_ms"] = std::max(model.at("frame_ms"), smallest) / std::max(opponent.at("frame_ms"), smallest);
   return ratios;
-}
-
-bool loses(const std::map<std::string, std::string>& verdicts) {
-  return std::count_if(verdicts.begin(), verdicts.end(), [](const auto& v) { return v.second == "worse"; }) >=
-         losing_metrics;
 }
 
 }  // namespace graupel::experiments

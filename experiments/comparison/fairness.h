@@ -6,11 +6,10 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <vector>
 
-#include "compare/metrics/metric_list.h"
+#include "compare/deciding_metrics.h"
 #include "core/parallel/device.h"
 #include "experiments/models/model_choice.h"
 
@@ -42,19 +41,11 @@ mpm::SolverVariant opponent_of(const std::vector<ModelChoice>& models);
 /// along a rollout of MPM, which decorrelates from the truth, they say nothing of its accuracy.
 bool has_one_step_error(ModelKind kind);
 
-/// The metrics that decide, all smaller where better: where a particle is, where mass is, and how much of it.
-inline constexpr const char* deciding_metrics[] = {"position_mse_all", "sinkhorn", "density_error"};
-inline constexpr int losing_metrics = 2;
+// The metrics that decide, ties within MPM's own floor, and what it is to lose: compare/deciding_metrics.h.
 
-/// "better", "worse" or "tie" in each deciding metric. Differences up to MPM's own floor (floor_<metric>, 0 where it
-/// was not computed) are ties.
-std::map<std::string, std::string> verdicts(const compare::MetricValues& model, const compare::MetricValues& opponent,
-                                            const compare::MetricValues& floors);
 /// Ratios to the opponent, "ratio_<metric>": of what a deciding metric is beyond MPM's own floor, which counts a tenth
 /// of itself at least: max(error - floor, floor / 10); and of frame_ms.
 compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
                              const compare::MetricValues& floors);
-/// Worse in two deciding metrics or more, whatever the speed.
-bool loses(const std::map<std::string, std::string>& verdicts);
 
 }  // namespace graupel::experiments

@@ -6,14 +6,10 @@
 #include <string>
 
 #include "experiments/data/scene_source.h"
+#include "experiments/data/shard.h"
 #include "experiments/process/process.h"
 
 namespace graupel::experiments {
-
-/// Part i of n of the scenes.
-struct Shard {
-  int64_t i = 0, n = 1;
-};
 
 struct DataSetOptions {
   std::string folder;

@@ -1,32 +1,42 @@
 #include "experiments/data/generate.h"
 
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "core/system/error.h"
+#include "core/system/shell_words.h"
+#include "experiments/data/slurm_array.h"
 
 namespace graupel::experiments {
 
 namespace {
 
-Shard parse_shard(const std::string& text) {
-  Shard shard;
-  char tail = 0;
-  long long i = 0, n = 0;
-  if (std::sscanf(text.c_str(), "%lld/%lld%c", &i, &n, &tail) != 2 || n < 1 || i < 0 || i >= n)
-    throw ConfigError("--shard '" + text + "' is not I/N with 0 <= I < N. Example: --shard 2/8");
-  shard.i = i;
-  shard.n = n;
-  return shard;
+void print_slurm_script(const GenerateOptions& options) {
+  const auto words = without_option(without_option(process_words(), "--emit-slurm"), "--shard");
+  const std::string script = slurm_array_script(std::filesystem::read_symlink("/proc/self/exe"), words,
+                                                std::filesystem::current_path(), options.slurm_tasks);
+  std::fputs(script.c_str(), stdout);
+}
+
+/// Inside a job array every task would do the whole work.
+void hint_at_array(const GenerateOptions& options) {
+  if (options.shard_given || environment_variable("SLURM_ARRAY_TASK_COUNT").value_or("1") == "1") return;
+  std::fprintf(stderr,
+               "generate: this task of a Slurm array makes all scenes; with '--shard slurm' it makes its part alone\n");
 }
 
 }  // namespace
 
 void generate(GenerateOptions& options) {
-  options.set.device = options.common.apply();
-  options.set.shard = parse_shard(options.shard);
   options.scenes.seed = options.common.seed;
   options.scenes.seed_given = options.common.seed_given;
+  if (options.slurm_tasks > 0) {
+    open_recipe(options.scenes);  // its errors, before anything is submitted
+    return print_slurm_script(options);
+  }
+  options.set.device = options.common.apply();
+  options.set.shard = parse_shard(options.shard);
+  hint_at_array(options);
   const auto scenes = open_recipe(options.scenes);
   options.common.write_json(make_data_set(*scenes, options.set));
 }

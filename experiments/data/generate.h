@@ -13,11 +13,13 @@ struct GenerateOptions {
   CommonOptions common;
   SceneSourceOptions scenes;
   DataSetOptions set;
-  std::string shard = "0/1";  ///< "I/N"
+  std::string shard = "0/1";  ///< "I/N" or "slurm"
+  bool shard_given = false;
+  int slurm_tasks = 0;  ///< print a script for a Slurm array of so many tasks instead; 0: make the set
 };
 
-/// Makes the data set and writes what is there to --json. Throws ConfigError for a shard that is not I/N, and as
-/// open_recipe and make_data_set.
+/// Makes the data set and writes what is there to --json, or prints the script that lets Slurm do so. Throws as
+/// parse_shard, open_recipe and make_data_set.
 void generate(GenerateOptions& options);
 
 }  // namespace graupel::experiments

@@ -82,14 +82,44 @@ TimedRun run_once(const Scene& variant, const MpmRunOptions& options) {
 
 }  // namespace
 
+namespace {
+
 /// On a GPU the tuned kernels, which carry no tracers, tell the time, and the portable ones the places.
-TimedRun run_scene(const Scene& scene, const MpmRunOptions& options) {
+TimedRun run_timed(const Scene& scene, const MpmRunOptions& options) {
   if (options.tracers == nullptr || options.device == Device::cpu) return run_once(scene, options);
   MpmRunOptions timed = options;
   timed.tracers = nullptr;
   const TimedRun tuned = run_once(scene, timed);
   TimedRun result = run_once(scene, options);
   result.cost = tuned.cost;
+  return result;
+}
+
+/// Of the same run, made again; up to the frame before a divergence.
+compare::ContactForces forces_of(const Scene& scene, const MpmRunOptions& options) {
+  mpm::PreparedScene prepared(
+      scene,
+      {.device = options.device, .precision = mpm::Precision::f32, .seed = options.seed, .contact_forces = true});
+  if (options.displacement > 0) move_births(scene, options.seed, options.displacement, prepared.particles);
+  const auto simulation = mpm::Simulation::create(prepared);
+  compare::ContactForces forces{contact_names(scene), {simulation->contact_forces()}};
+  for (int64_t f = 1; f <= options.frames; ++f) {
+    stop_if_interrupted();
+    try {
+      simulation->advance_frame();
+    } catch (const DivergedError&) {
+      break;
+    }
+    forces.frames.push_back(simulation->contact_forces());
+  }
+  return forces;
+}
+
+}  // namespace
+
+TimedRun run_scene(const Scene& scene, const MpmRunOptions& options) {
+  TimedRun result = run_timed(scene, options);
+  if (options.contact_forces) result.forces = forces_of(scene, options);
   return result;
 }
 

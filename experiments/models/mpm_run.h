@@ -21,8 +21,9 @@ struct MpmRunOptions {
   /// Particles whose places the run tells instead of its own: on another grid it carries them as tracers, so that it is
   /// judged on the truth's particles. Not owned; null: its own.
   const StartState* tracers = nullptr;
-  double displacement = 0;   ///< of every particle's start in a random direction [m] (move_births)
-  bool must_finish = false;  ///< throw DivergedError instead of returning the frames before it (the truth)
+  double displacement = 0;      ///< of every particle's start in a random direction [m] (move_births)
+  bool contact_forces = false;  ///< also what it does to obstacles and walls, by a second run that is not timed
+  bool must_finish = false;     ///< throw DivergedError instead of returning the frames before it (the truth)
 };
 /// The scene with its own grid and step, whatever options.variant says.
 TimedRun run_scene(const Scene& scene, const MpmRunOptions& options);

@@ -18,6 +18,7 @@ struct TimedRun {
   compare::RunCost cost;
   std::size_t moved = 0;  ///< particles that the model moves; those of the run, but where it carries tracers
   std::optional<compare::TrustResult> trust = {};  ///< of reduced-order models
+  compare::ContactForces forces = {};              ///< of runs of MPM that were asked for them
 };
 
 /// The run's cost, with the frames that the comparison keeps and the weights file, if there is one.

@@ -2,10 +2,10 @@
 
 #include <unistd.h>
 
-#include <fstream>
-#include <iterator>
+#include <csignal>
 
 #include "core/system/error.h"
+#include "core/system/shell_words.h"
 #include "core/system/stop_signal.h"
 
 namespace graupel::experiments {
@@ -13,30 +13,12 @@ namespace graupel::experiments {
 bool interrupted() { return stop_signal() != 0; }
 
 void stop_if_interrupted(const std::string& what_now) {
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted" + what_now);
+  if (!interrupted()) return;
+  const bool by_batch_system = stop_signal() == SIGUSR1;
+  throw Error(by_batch_system ? ExitCode{start_again_exit_code} : ExitCode::interrupted, "interrupted" + what_now);
 }
 
-std::string command_line() {
-  std::ifstream file("/proc/self/cmdline", std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  std::string line;
-  for (std::size_t start = 0; start < bytes.size();) {
-    const std::string word = bytes.c_str() + start;
-    start += word.size() + 1;
-    const bool plain = !word.empty() && word.find_first_not_of(
-                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                            "0123456789_-+=./,:@%#") == std::string::npos;
-    line += line.empty() ? "" : " ";
-    if (plain) {
-      line += word;
-      continue;
-    }
-    line += "'";
-    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    line += "'";
-  }
-  return line;
-}
+std::string command_line() { return shell_line(process_words()); }
 
 std::string version_text() { return "graupel " GRAUPEL_VERSION; }
 

@@ -6,9 +6,10 @@
 
 namespace graupel::experiments {
 
-/// Whether Ctrl-C or SIGTERM came; long loops ask after every frame and call stop_if_interrupted().
+/// Whether Ctrl-C, SIGTERM or SIGUSR1 came; long loops ask after every frame and call stop_if_interrupted().
 bool interrupted();
-/// Throws Error(ExitCode::interrupted) once interrupted; `what_now` ends its text: "; recover with ...".
+/// Throws Error once interrupted, with ExitCode::interrupted or, after SIGUSR1, start_again_exit_code; `what_now` ends
+/// its text: "; recover with ...".
 void stop_if_interrupted(const std::string& what_now = "");
 
 /// The command line of this process, quoted for a shell.

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <exception>
 #include <new>
+#include <system_error>
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
@@ -58,6 +59,10 @@ int run_program(int argc, char** argv, const char* name, const char* description
     std::fprintf(stderr,
                  "%s: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n",
                  name);
+  } catch (const std::system_error& error) {
+    const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
+    std::fprintf(stderr, "%s: %s%s\n", name, printable(error.what()).c_str(),
+                 no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
   }

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
 
 namespace graupel::experiments {
@@ -66,13 +67,13 @@ int free_port() {
   return ntohs(address.sin_port);
 }
 
-/// SIGINT, SIGTERM and SIGCHLD as something to read, while this lives.
+/// SIGINT, SIGTERM, SIGUSR1 and SIGCHLD as something to read, while this lives.
 class BlockedSignals {
  public:
   BlockedSignals() {
     sigset_t set;
     sigemptyset(&set);
-    for (const int signal : {SIGINT, SIGTERM, SIGCHLD}) sigaddset(&set, signal);
+    for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGCHLD}) sigaddset(&set, signal);
     ::sigprocmask(SIG_BLOCK, &set, &before_);
     descriptor_ = Descriptor(::signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
     if (descriptor_.number() < 0) throw_system_error("signals cannot be received");
@@ -123,7 +124,7 @@ class Supervisor {
       if (deadline_ && Clock::now() > *deadline_) send(SIGKILL);
     }
     for (std::size_t rank = 0; rank < ranks_.size(); ++rank) relay(rank);
-    return failure_ ? failure_ : interrupted_ ? static_cast<int>(ExitCode::interrupted) : 0;
+    return failure_ ? failure_ : saved_;
   }
 
  private:
@@ -159,9 +160,9 @@ class Supervisor {
   const RankProcesses& settings_;
   BlockedSignals signals_;
   std::vector<Rank> ranks_;
-  bool stopping_ = false;     ///< a signal was forwarded: the ranks end in their own time
-  bool interrupted_ = false;  ///< a rank has ended so
-  int failure_ = 0;           ///< exit code of the rank that failed of itself
+  bool stopping_ = false;  ///< a signal was forwarded: the ranks end in their own time
+  int saved_ = 0;          ///< exit code of a rank that ended so
+  int failure_ = 0;        ///< exit code of the rank that failed of itself
   std::optional<Clock::time_point> deadline_;
 };
 
@@ -183,7 +184,7 @@ void Supervisor::become(int rank, int port, int output, pid_t parent) const {
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (::getppid() != parent) ::_exit(static_cast<int>(ExitCode::failed));
   signals_.restore();
-  for (const int signal : {SIGINT, SIGTERM}) ::signal(signal, SIG_DFL);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) ::signal(signal, SIG_DFL);
   const std::string number = std::to_string(rank), count = std::to_string(settings_.count);
   ::setenv("RANK", number.c_str(), 1);
   ::setenv("LOCAL_RANK", number.c_str(), 1);
@@ -242,8 +243,8 @@ void Supervisor::end_of(std::size_t rank, int status) {
   const bool killed = WIFSIGNALED(status);
   const int code = killed ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
   if (code == 0) return;
-  if (stopping_ && code == static_cast<int>(ExitCode::interrupted)) {
-    interrupted_ = true;
+  if (stopping_ && (code == static_cast<int>(ExitCode::interrupted) || code == start_again_exit_code)) {
+    saved_ = code;
     return;
   }
   constexpr int failed = static_cast<int>(ExitCode::failed);

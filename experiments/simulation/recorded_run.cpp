@@ -77,8 +77,8 @@ void RecordedRun::advance() {
   try {
     run_->advance_frame();
   } catch (const DivergedError& error) {
+    writer_->finish(frame_ + 1);  // the frames before are worth more than the bad state
     write_blowup(output(), header_, *run_, error.what());
-    writer_->finish(frame_ + 1);
     throw DivergedError(fmt::format("{}. Frames 0-{} are in '{}', the bad state in '{}.blowup.h5'", error.what(),
                                     frame_, output(), output()));
   }

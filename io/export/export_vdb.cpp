@@ -1,6 +1,9 @@
 // OpenVDB point grids, one file a frame: P, v, id, type, J. The only file of this folder that knows OpenVDB.
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointConversion.h>
+
+#include <fstream>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -59,12 +62,10 @@ PointDataGrid::Ptr point_grid(const PointFrame& frame) {
   return grid;
 }
 
-void write_grid(const PointDataGrid::Ptr& grid, const std::string& path) {
-  openvdb::io::File file(path + ".part");
-  file.write({grid});
-  file.close();
-  finish_part_file(path);
-}
+/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
+struct SeekableArchive : openvdb::io::Archive {
+  using openvdb::io::Archive::write;
+};
 
 class VdbPoints : public PointWriter {
  public:
@@ -75,13 +76,14 @@ class VdbPoints : public PointWriter {
   void write(int64_t frame, const PointFrame& points) override {
     const std::string path = frame_file(target_, frame, ".vdb");
     check_finite(frame, points);  // OpenVDB sorts points into voxels: a NaN has none
-    try {
-      write_grid(point_grid(points), path);
-    } catch (const openvdb::Exception& error) {
-      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-    } catch (const std::ios_base::failure& error) {
-      throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-    }
+    const PointDataGrid::Ptr grid = point_grid(points);
+    write_part_file(path, [&](const std::string& part) {
+      std::ofstream out;
+      out.exceptions(std::ios::failbit | std::ios::badbit);
+      out.open(part, std::ios::binary | std::ios::trunc);
+      SeekableArchive().write(out, openvdb::GridCPtrVec{grid}, /*seekable=*/true);
+      out.close();
+    });
   }
 
  private:

@@ -2,6 +2,8 @@
 #include "io/hdf5/hdf5.h"
 
 #include <algorithm>
+#include <new>
+#include <string_view>
 
 namespace graupel::io::hdf5 {
 
@@ -15,9 +17,23 @@ void prepare() {
   check(H5PLset_loading_state(0), "cannot set up HDF5");
 }
 
+/// What the library says of a failure. Where a call of the system failed, that call's words alone: the library adds
+/// lines of times, addresses and sizes.
+struct ErrorTexts {
+  std::vector<std::string> all;
+  std::string of_system;
+  bool no_memory = false;
+};
+
 herr_t collect_error(unsigned, const H5E_error2_t* error, void* out) {
-  auto& texts = *static_cast<std::vector<std::string>*>(out);
-  if (error->desc && texts.size() < 3) texts.push_back(std::string(error->desc).substr(0, 200));
+  auto& texts = *static_cast<ErrorTexts*>(out);
+  if (error->desc == nullptr) return 0;
+  const std::string text = std::string(error->desc).substr(0, 1000);
+  constexpr std::string_view key = "error message = '";
+  if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
+    texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
+  texts.no_memory = texts.no_memory || text.find("memory allocation failed") != std::string::npos;
+  if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));
   return 0;
 }
 
@@ -113,10 +129,12 @@ herr_t collect_attribute(hid_t, const char* name, const H5A_info_t*, void* out) 
 }  // namespace
 
 void fail(const std::string& what) {
-  std::vector<std::string> texts;
+  ErrorTexts texts;
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect_error, &texts);
+  if (texts.no_memory) throw std::bad_alloc();
+  if (!texts.of_system.empty()) texts.all = {texts.of_system};
   std::string message = what;
-  for (std::size_t i = 0; i < texts.size(); ++i) message += (i == 0 ? ": " : "; ") + texts[i];
+  for (std::size_t i = 0; i < texts.all.size(); ++i) message += (i == 0 ? ": " : "; ") + texts.all[i];
   throw Failure(message);
 }
 

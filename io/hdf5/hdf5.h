@@ -19,6 +19,7 @@ struct Failure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Throws Failure with the library's words, or std::bad_alloc where it lacked memory.
 [[noreturn]] void fail(const std::string& what);
 
 /// Whether the library takes calls of several threads (it then runs them one at a time).

@@ -1,16 +1,19 @@
 // Level sets and meshes of particles by OpenVDB. The only file of this folder that includes it.
 #include "io/surface/particle_surface.h"
 
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 #include <openvdb/tools/LevelSetFilter.h>
 #include <openvdb/tools/ParticlesToLevelSet.h>
 #include <openvdb/tools/VolumeToMesh.h>
 #include <openvdb/tree/LeafManager.h>
+
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <numbers>
 
 #include "core/parallel/device.h"
@@ -145,6 +148,15 @@ Vec3SGrid::Ptr velocity_grid(const FloatGrid& surface, const NearParticles& near
 
 }  // namespace
 
+namespace {
+
+/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
+struct SeekableArchive : openvdb::io::Archive {
+  using openvdb::io::Archive::write;
+};
+
+}  // namespace
+
 struct ParticleSurface::Impl {
   FloatGrid::Ptr level_set;
   NearParticles near;
@@ -194,14 +206,13 @@ void ParticleSurface::write_vdb(const std::string& path, double time) const {
   if (impl_->near.has_velocities())
     grids.push_back(arena.execute([&] { return velocity_grid(*impl_->level_set, impl_->near); }));
   for (const openvdb::GridBase::Ptr& grid : grids) grid->insertMeta("time", openvdb::DoubleMetadata(time));
-  try {
-    openvdb::io::File file(path + ".part");
-    file.write(grids);
-    file.close();
-  } catch (const std::exception& error) {  // openvdb::IoError and std::ios_base::failure
-    throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
-  }
-  finish_part_file(path);
+  write_part_file(path, [&](const std::string& part) {
+    std::ofstream out;
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    out.open(part, std::ios::binary | std::ios::trunc);
+    SeekableArchive().write(out, openvdb::GridCPtrVec(grids.begin(), grids.end()), /*seekable=*/true);
+    out.close();
+  });
 }
 
 }  // namespace graupel::io

@@ -1,6 +1,7 @@
 // Recovers what a killed writer left, and merges finished trajectories into data sets.
 #include <filesystem>
 
+#include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"
 #include "io/hdf5/hdf5_dataset.h"
@@ -15,9 +16,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Writes the usable frames to a new file, which takes the place of `path`.
-void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
-  TrajectoryWriter writer(path + ".recovered", part.header(), part.contents());
+/// Writes the usable frames to a new file.
+void write_usable(const UnfinishedTrajectory& part, const std::string& path) {
+  TrajectoryWriter writer(path, part.header(), part.contents());
   for (const auto& [name, value] : part.attributes())
     if (name != "scene_json" && name != "made_by") writer.attribute(name, value);
   writer.parameters(part.parameters());
@@ -29,6 +30,16 @@ void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
     if (has_forces) writer.append_forces(part.contact_forces(row++));
   });
   writer.finish();
+}
+
+/// The same; where that fails, the frames are still in the part file and nothing of the new one stays.
+void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
+  try {
+    write_usable(part, path);
+  } catch (...) {
+    remove_path(path + ".part");
+    throw;
+  }
 }
 
 void merge_into(hid_t out, const std::string& part, int64_t number) {
@@ -51,6 +62,16 @@ void merge_into(hid_t out, const std::string& part, int64_t number) {
               ("cannot copy '" + part + "'").c_str());
 }
 
+void write_merged(hid_t out, const std::vector<std::string>& parts) {
+  hdf5::write_attribute(out, "format", trajectory_format);
+  hdf5::write_attribute(out, "format_version", trajectory_format_version);
+  hdf5::write_attribute(out, "complete", int64_t(0));
+  for (std::size_t i = 0; i < parts.size(); ++i) merge_into(out, parts[i], static_cast<int64_t>(i));
+  hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
+  hdf5::write_attribute(out, "complete", int64_t(1));
+  hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
+}
+
 }  // namespace
 
 int64_t recover_part_file(const std::string& path, bool finish) {
@@ -66,13 +87,13 @@ int64_t recover_part_file(const std::string& path, bool finish) {
     const UnfinishedTrajectory part(part_path);
     usable = for_usable_frames(part, [](const ParticleFrame&) {});
     if (usable == 0 || !finish) return usable;
-    rewrite(part, path);
+    rewrite(part, path + ".recovered");
   } catch (const hdf5::Failure& failure) {
     throw InputError("cannot recover '" + part_path + "' (" + failure.what() +
                      "). It is damaged or of another kind; run it again");
   }
-  fs::rename(path + ".recovered", path);
-  fs::remove(part_path);
+  replace_file(path + ".recovered", path);
+  remove_path(part_path);
   return usable;
 }
 
@@ -84,16 +105,17 @@ void merge_trajectories(const std::vector<std::string>& parts, const std::string
     const uint64_t size = fs::file_size(part, code);
     if (!code) bytes += size;
   }
+  hdf5::Handle out;
   try {
-    hdf5::Handle out = create_part_file(path + ".part");
-    hdf5::write_attribute(out, "format", trajectory_format);
-    hdf5::write_attribute(out, "format_version", trajectory_format_version);
-    hdf5::write_attribute(out, "complete", int64_t(0));
-    for (std::size_t i = 0; i < parts.size(); ++i) merge_into(out, parts[i], static_cast<int64_t>(i));
-    hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
-    hdf5::write_attribute(out, "complete", int64_t(1));
-    hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
-    finish_part_file(out, path);
+    out = create_part_file(path + ".part");
+    try {
+      write_merged(out, parts);
+      finish_part_file(out, path);
+    } catch (...) {
+      out = {};
+      remove_path(path + ".part");  // of no use to anyone: the trajectories are all there
+      throw;
+    }
   } catch (const hdf5::Failure& failure) {
     throw IoError("cannot merge " + std::to_string(parts.size()) + " trajectories into '" + path + "' (" +
                   std::to_string(bytes) + " bytes needed; " + failure.what() +

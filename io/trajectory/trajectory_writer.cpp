@@ -33,7 +33,8 @@ std::string remedy(const std::string& folder, uint64_t needed, const std::string
   struct statvfs disk {};
   const bool known = ::statvfs(folder.c_str(), &disk) == 0;
   const uint64_t free_bytes = known ? uint64_t(disk.f_bavail) * disk.f_frsize : 0;
-  if (problem.find("No space left") != std::string::npos || (known && free_bytes < needed))
+  const auto says = [&](const char* text) { return problem.find(text) != std::string::npos; };
+  if (says("No space left") || says("quota") || (known && free_bytes < needed))
     return "(disk full: " + std::to_string(needed) + " bytes needed, " + std::to_string(free_bytes) +
            " free). Free space on that disk or choose another folder";
   return "(" + problem + "). Check the disk or choose another folder";

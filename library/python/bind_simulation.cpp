@@ -22,11 +22,11 @@ ParticleField field_named(const std::string& name) {
 }
 
 /// [names, 3].
-nb::ndarray<nb::numpy, const double> array_of(const std::vector<ContactForce>& forces, Vec3d ContactForce::*member) {
+nb::ndarray<nb::numpy, const double> vectors_of(const std::vector<ContactForce>& forces, Vec3d ContactForce::*member) {
   std::vector<double> values;
   for (const ContactForce& one : forces)
     for (int d = 0; d < 3; ++d) values.push_back((one.*member)[d]);
-  return python::array_of(std::move(values), {forces.size(), 3});
+  return array_of(std::move(values), {forces.size(), 3});
 }
 
 class PySimulation {
@@ -108,10 +108,10 @@ class PySimulation {
       throw ConfigError("the run keeps no count of forces. Make it with Simulation(scene, forces=True)");
     nb::dict found;
     found["names"] = contact_names(run_->scene());
-    found["impulse"] = array_of(forces, &ContactForce::impulse);
-    found["force"] = array_of(forces, &ContactForce::force);
-    found["torque"] = array_of(forces, &ContactForce::torque);
-    found["reference"] = array_of(forces, &ContactForce::reference);
+    found["impulse"] = vectors_of(forces, &ContactForce::impulse);
+    found["force"] = vectors_of(forces, &ContactForce::force);
+    found["torque"] = vectors_of(forces, &ContactForce::torque);
+    found["reference"] = vectors_of(forces, &ContactForce::reference);
     return found;
   }
   nb::bytes save_state() {

@@ -101,6 +101,33 @@ TEST_F(CompareRuns, ADivergingTruthIsNamedAndTheScenesBeforeItAreWritten) {
   EXPECT_EQ(json["results"][0]["scene"], "small");
 }
 
+TEST_F(CompareRuns, ForcesOfTheTruthAndOfCoarseRunsAreRecordedAndChangeNothing) {
+  CompareOptions o = options({"mpm", "mpm:coarse", ballistic_network()});
+  o.floors = false;
+  const compare::Comparison without = make_comparison(o);
+  o.forces = true;
+  const compare::Comparison with = make_comparison(o);
+  const compare::SceneResult& scene = with.scenes[0];
+  EXPECT_EQ(scene.models[1].values.at("position_mse_all"), without.scenes[0].models[1].values.at("position_mse_all"));
+  ASSERT_EQ(scene.true_forces.frames.size(), 11u);
+  ASSERT_EQ(scene.models[1].forces.frames.size(), 11u);
+  EXPECT_EQ(scene.models[1].forces.names, scene.true_forces.names);
+  EXPECT_EQ(scene.true_forces.names.front(), "obstacle_0");
+  const auto impulse = [](const compare::ContactForces& forces) {
+    double sum = 0;
+    for (const auto& frame : forces.frames) sum += norm(frame[0].impulse);
+    return sum;
+  };
+  EXPECT_GT(impulse(scene.true_forces), 0);
+  EXPECT_NEAR(impulse(scene.models[1].forces) / impulse(scene.true_forces), 1, 0.5);  // 8 times fewer particles
+  EXPECT_TRUE(scene.models[2].forces.names.empty());
+  EXPECT_TRUE(without.scenes[0].true_forces.names.empty());
+  ASSERT_EQ(scene.rivals.size(), 2u);
+  EXPECT_EQ(scene.rivals[0].name, "mpm:coarse");
+  EXPECT_EQ(scene.rivals[1].name, "nothing-moves");
+  EXPECT_NEAR(scene.rivals[1].values.at("displacement_relative_error"), 1, 1e-6);
+}
+
 TEST_F(CompareRuns, RefusesTwoScenesOfOneName) {
   CompareOptions o = options({"mpm"});
   o.scenes.push_back(folder_ + "/twin.json");

@@ -9,6 +9,9 @@
 namespace graupel::experiments {
 namespace {
 
+using compare::loses;
+using compare::verdicts;
+
 compare::MetricValues errors(double position, double sinkhorn, double density) {
   return {{"position_mse_all", position}, {"sinkhorn", sinkhorn}, {"density_error", density}};
 }

@@ -122,7 +122,7 @@ TEST(BitmapFont, DrawsInsideItsBox) {
     for (int x = 0; x < 60; ++x) {
       if (image.at(x, y)[0] == 0) continue;
       ++lit;
-      EXPECT_TRUE(x >= 3 && x < 3 + 34 && y >= 4 && y < 18);
+      EXPECT_TRUE(x >= 3 && x < 3 + 34 && y >= 4 && y < 4 + 2 * 8);
     }
   EXPECT_GT(lit, 100);
   draw_text(image, 55, 15, "beyond the edge", {255, 255, 255});  // parts outside are dropped
@@ -131,9 +131,9 @@ TEST(BitmapFont, DrawsInsideItsBox) {
 TEST(ContactSheet, FramesAndLayout) {
   EXPECT_EQ(picture_frames(300), (std::vector<std::size_t>{10, 60, 150, 300}));
   EXPECT_EQ(picture_frames(500), (std::vector<std::size_t>{10, 60, 150, 300}));
-  EXPECT_EQ(picture_frames(60), (std::vector<std::size_t>{10, 60}));
-  EXPECT_EQ(picture_frames(70), (std::vector<std::size_t>{10, 60, 70}));
-  EXPECT_EQ(picture_frames(3), (std::vector<std::size_t>{3}));
+  EXPECT_EQ(picture_frames(60), (std::vector<std::size_t>{15, 30, 45, 60}));
+  EXPECT_EQ(picture_frames(70), (std::vector<std::size_t>{18, 35, 53, 70}));
+  EXPECT_EQ(picture_frames(3), (std::vector<std::size_t>{1, 2, 3}));
   const Fixture fixture;
   const auto run = make_run({{0.5f, 0.5f, 0.5f}}, {5}, 12, stay);
   const Image row = picture_row(fixture.backdrop, run, {10, 12}, "truth");

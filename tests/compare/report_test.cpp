@@ -55,6 +55,7 @@ TEST(PlotSvg, DrawsEveryLineWithItsLabelEscaped) {
 
 TEST(ForcePlots, ShowTheMostLoadedFirstAndNothingThatIsNotTouched) {
   EXPECT_TRUE(force_plots({}).empty());
+  EXPECT_TRUE(force_plots({{"truth", {}}}).empty());
   ContactForces forces{{"obstacle_0", "obstacle_1", "wall_x_low"}, {}};
   for (int frame = 0; frame < 4; ++frame) {
     std::vector<ContactForce> on(3);
@@ -62,13 +63,30 @@ TEST(ForcePlots, ShowTheMostLoadedFirstAndNothingThatIsNotTouched) {
     on[2].force = {7, 0, 0};
     forces.frames.push_back(on);
   }
-  const std::vector<Plot> plots = force_plots(forces);
+  const std::vector<Plot> plots = force_plots({{"truth", forces}, {"network", {}}});
   ASSERT_EQ(plots.size(), 1u);  // there is no torque
   ASSERT_EQ(plots[0].lines.size(), 2u);
   EXPECT_EQ(plots[0].lines[0].label, "obstacle_1");
   EXPECT_EQ(plots[0].lines[0].y, (std::vector<double>{5, 10, 15}));
   EXPECT_EQ(plots[0].lines[0].x, (std::vector<double>{1, 2, 3}));
   EXPECT_EQ(plots[0].lines[1].label, "wall_x_low");
+}
+
+TEST(ForcePlots, RunsOfMpmStandBesideTheTruth) {
+  ContactForces truth{{"obstacle_0", "wall_x_low"}, {}};
+  for (int frame = 0; frame < 4; ++frame) {
+    truth.frames.emplace_back(2);
+    truth.frames.back()[1].force = {2.0 * frame, 0, 0};
+  }
+  ContactForces coarse = truth;
+  coarse.frames.pop_back();  // it diverged
+  const std::vector<Plot> plots = force_plots({{"truth", truth}, {"network", {}}, {"mpm:coarse", coarse}});
+  ASSERT_EQ(plots.size(), 1u);
+  EXPECT_EQ(plots[0].title, "Force on wall_x_low");
+  ASSERT_EQ(plots[0].lines.size(), 2u);
+  EXPECT_EQ(plots[0].lines[0].y, (std::vector<double>{2, 4, 6}));
+  EXPECT_EQ(plots[0].lines[1].label, "mpm:coarse");
+  EXPECT_EQ(plots[0].lines[1].y, (std::vector<double>{2, 4}));
 }
 
 TEST(PlotSvg, PlacesPointsByTheAxis) {
@@ -234,8 +252,9 @@ TEST(ComparisonFiles, CategoriesHaveATableEverywhere) {
   EXPECT_TRUE(json["categories"]["stream"]["geometric_mean"]["mpm"].contains("ratio_sinkhorn"));
   const std::string sentence = json["headline"];
   EXPECT_EQ(sentence.find("Against mpm:coarse:fast on 3 scenes, "), 0u);
-  EXPECT_NE(table.find(sentence.substr(0, 60)), std::string::npos);
-  EXPECT_NE(html.find(sentence.substr(0, 30)), std::string::npos);
+  const std::string verdict = json["verdicts"][0]["sentence"];
+  EXPECT_NE(table.find(verdict.substr(0, 60)), std::string::npos);
+  EXPECT_NE(html.find(escape_markup(verdict)), std::string::npos);
   EXPECT_EQ(comparison_table(synthetic_comparison(3)).find("by category"), std::string::npos);
   comparison.groups = {MetricGroup::one_step};
   EXPECT_EQ(comparison_table(comparison).find("by category"), std::string::npos);
@@ -247,11 +266,45 @@ TEST(Report, HoldsTablesCurvesPicturesAndCommand) {
   for (const MetricInfo& metric : metric_list())
     EXPECT_NE(html.find("<code>" + metric.key), std::string::npos) << metric.key;
   EXPECT_EQ(count_of(html, "<svg "), 3u);
-  EXPECT_EQ(count_of(html, "data:image/png;base64,"), 3u);
+  EXPECT_EQ(count_of(html, "data:image/png;base64,"), 2u);  // the truth is mpm: once
   EXPECT_NE(html.find("--models mpm,&lt;b&gt;&amp;&quot;c&quot;"), std::string::npos);
   EXPECT_EQ(html.find("<net>"), std::string::npos);  // names are escaped in text and in the player's data
   for (const char* link : {"src=\"http", "href=\"http", "url(", "@import", "fetch("})
     EXPECT_EQ(html.find(link), std::string::npos) << link;  // self-contained
+}
+
+TEST(Report, SaysWhoWonFirstThenPicturesThenTables) {
+  Comparison comparison = synthetic_comparison(2);
+  comparison.scenes[0].models[1].remarks = {"outside the training: sand.friction_angle is 50"};
+  for (SceneResult& scene : comparison.scenes) scene.models[1].values["frame_ms"] = 0.5;
+  comparison.offline["models/<net>.safetensors"] = {1.0, 2.0, {}};
+  const std::string html = report_html(comparison);
+  std::size_t before = 0;
+  for (const char* part :
+       {"<h1>", "class=\"verdict", "id=\"summary\"", "noise floor", "<h2>falling 0", "data:image/png", "<svg ",
+        "id=\"player\"", "id=\"tables\"", "Mean of 2 scenes", "When a model pays", "id=\"made\""}) {
+    const std::size_t at = html.find(part, before);
+    ASSERT_NE(at, std::string::npos) << part;
+    before = at;
+  }
+  const std::string body = html.substr(html.find("<body>"));
+  EXPECT_LT(body.find("outside its training in 1 of 2 scenes"), body.find("<h2>falling 0"));
+  EXPECT_NE(body.find("(outside its training)"), std::string::npos);  // in the curves
+  EXPECT_NE(body.find("noise floor: another seed"), std::string::npos);
+  EXPECT_EQ(body.find("largest stable step (searched"), std::string::npos);  // mpm:fast was not asked for
+  EXPECT_EQ(body.find("position_<wbr>mse_<wbr>20"), std::string::npos) << "headings are words";
+  EXPECT_NE(body.find("position MSE, 20 frames [m\u00b2] &darr;"), std::string::npos);
+}
+
+TEST(Report, IsWellFormed) {
+  std::string html = report_html(synthetic_comparison(2));
+  html = std::regex_replace(html.substr(html.find("<body>")), std::regex("<(img|wbr|input)[^>]*>"), "");
+  for (std::size_t from; (from = html.find("<script")) != std::string::npos;)  // not markup
+    html.erase(from, html.find("</script>", from) + 9 - from);
+  html = std::regex_replace(html, std::regex("<h([1-4])( [^>]*)?>"), "<h>");
+  html = std::regex_replace(html, std::regex("</h[1-4]>"), "</h>");
+  html.erase(html.rfind("</html>"));
+  EXPECT_TRUE(well_formed(html));
 }
 
 TEST(Report, IsThinnedToItsLimit) {
@@ -280,7 +333,7 @@ TEST(Report, IsThinnedToItsLimit) {
 /// Runs headless Chromium on a page; `more` are further arguments. The exit status is not used: the output tells.
 void run_browser(const std::string& folder, const std::string& more) {
   const std::string command =
-      "timeout 50 chromium --headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader "
+      "timeout 150 chromium --headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader "
       "--enable-unsafe-swiftshader --hide-scrollbars --window-size=1280,1000 "
       "--enable-logging=stderr --user-data-dir='" +
       folder + "/profile' " + more + " 'file://" + folder + "/report.html' > '" + folder + "/dom.html' 2> '" + folder +
@@ -302,6 +355,23 @@ TEST(Report, DrawsInABrowserWithoutConsoleErrors) {
   EXPECT_GT(std::stoi(drawn[2]), 2000);  // and of the model's
   EXPECT_EQ(dom.find("data-error"), std::string::npos);
   EXPECT_EQ(log.find("CONSOLE"), std::string::npos) << log;
+  std::filesystem::remove_all(folder);
+}
+
+/// Width of the page beyond a screen of 390 pixels, as a script in it finds it.
+TEST(Report, FitsAPhone) {
+  if (std::system("command -v chromium > /dev/null 2>&1") != 0) GTEST_SKIP() << "chromium is not installed";
+  std::string folder = std::filesystem::temp_directory_path() / "graupel_report_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  write_file_atomically(folder + "/page.html", report_html(synthetic_comparison(2)));
+  write_file_atomically(folder + "/report.html",
+                        "<iframe src=\"page.html\" width=\"390\" height=\"844\" onload=\"document.title = 'beyond ' + "
+                        "(contentDocument.documentElement.scrollWidth - 390)\"></iframe>");
+  run_browser(folder, "--allow-file-access-from-files --dump-dom");
+  const std::string dom = read_file(folder + "/dom.html");
+  std::smatch beyond;
+  ASSERT_TRUE(std::regex_search(dom, beyond, std::regex("<title>beyond (-?[0-9]+)"))) << dom;
+  EXPECT_LE(std::stoi(beyond[1]), 0);
   std::filesystem::remove_all(folder);
 }
 

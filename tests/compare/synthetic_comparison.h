@@ -71,6 +71,12 @@ inline Comparison make_synthetic_comparison() {
   result.obstacles = make_player_obstacles(scene, obstacles, 4000);
   result.models.push_back(synthetic_result("mpm", scene, obstacles, backdrop, truth, truth));
   result.models.push_back(synthetic_result("models/<net>.safetensors", scene, obstacles, backdrop, truth, other));
+  RivalRun rival{"mpm:coarse:fast", result.models[1].values, result.models[1].curves};
+  for (const char* key : {"position_mse_all", "sinkhorn", "density_error"}) rival.values[key] /= 2;
+  for (double& error : rival.curves.position) error /= 4;
+  for (double& error : rival.curves.density) error /= 2;
+  result.rivals = {rival};
+  result.mpm_frame_ms = result.opponent_frame_ms = 1;
   result.true_energy = result.models[0].curves.kinetic_energy;
   result.floor_position = result.models[1].curves.position;
   result.floor_density = result.models[1].curves.density;

@@ -46,7 +46,8 @@ class PackageTest(unittest.TestCase):
 
     def test_instruction_sets_are_chosen_at_run_time(self):
         self.assertIn(graupel.instruction_set(), ("baseline", "avx2", "avx512"))
-        self.assertFalse(_graupel._native)
+        if "native" not in os.environ.get("GRAUPEL_WHEEL", ""):  # wheel_test.py --in-build: flags of this processor
+            self.assertFalse(_graupel._native)
         code = "import graupel; print(graupel.instruction_set())"
         done = subprocess.run([sys.executable, "-c", code], env={**os.environ, "GRAUPEL_SIMD": "baseline"},
                               capture_output=True, text=True, check=True)

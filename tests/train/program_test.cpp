@@ -260,6 +260,8 @@ TEST_F(Program, SigtermSavesAndEndsWell) {
 
 TEST_F(Program, SigintSavesAndEndsWith130) { EXPECT_EQ(interrupt("int", SIGINT), 130) << log(); }
 
+TEST_F(Program, Sigusr1SavesAndEndsWith75) { EXPECT_EQ(interrupt("usr1", SIGUSR1), 75) << log(); }
+
 TEST_F(Program, AKilledRunGoesOnFromItsLastCheckpoint) {
   EXPECT_EQ(interrupt("killed", SIGKILL), 1000 + SIGKILL);
   ASSERT_EQ(run({"hgn", "--resume", "latest", "--out", folder_, "--minutes", "0.001", "--threads", "1"}), 0) << log();

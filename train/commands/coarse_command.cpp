@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -83,7 +82,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
       "{:.3f}, predicted "
       "time {:.3f}; {}",
       result.sweeps, human_time(result.seconds), result.after.position, result.after.density, result.after.time, file));
-  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+  return saved_exit_code();
 }
 
 }  // namespace

@@ -2,14 +2,15 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <exception>
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/atomic_file.h"
@@ -22,6 +23,7 @@
 #include "train/commands/crom_command.h"
 #include "train/commands/nsf_command.h"
 #include "train/commands/run_log.h"
+#include "train/commands/slurm_script.h"
 #include "train/commands/time_command.h"
 #include "train/config/presets.h"
 #include "train/loop/run_folder.h"
@@ -43,7 +45,7 @@ struct Arguments {
   int64_t steps = 0, stop_step = 0, stride = 1;
   double minutes = 0, rank_timeout = CommOptions().timeout;
   uint64_t seed = 0;
-  int threads = 0;
+  int threads = 0, slurm_ranks = 0;
   bool print_defaults = false;
   bool seed_given = false, preset_given = false;
   std::string command_line;
@@ -129,8 +131,7 @@ void prepare_resume(Arguments& arguments, TrainingOptions& options) {
   if (says_how_to_train(arguments))
     throw ConfigError(
         "a resumed run keeps its settings (--preset, --config, --set, --steps, --from, --teacher and --seed are for "
-        "new runs). "
-        "Leave them out");
+        "new runs). Leave them out");
   arguments.out =
       arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
   options.resume = true;
@@ -230,7 +231,30 @@ int run_training(Arguments& arguments) {
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
   print(fmt::format("Go on with: graupel train {} --resume {}", word_of(arguments.architecture), arguments.out));
-  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+  return saved_exit_code();
+}
+
+/// Prints the batch script that trains so under Slurm.
+int print_slurm_script(Arguments& a) {
+  require_one_process("--emit-slurm");
+  TrainingOptions options;
+  settle_run(a, options);  // its errors, before anything is submitted
+  std::vector<std::string> resume = {word_of(a.architecture),
+                                     "--resume",
+                                     a.out,
+                                     "--data",
+                                     a.data,
+                                     "--device",
+                                     a.device,
+                                     "--threads",
+                                     std::to_string(a.threads),
+                                     "--rank-timeout",
+                                     fmt::format("{}", a.rank_timeout)};
+  if (a.minutes > 0) resume.insert(resume.end(), {"--minutes", fmt::format("{}", a.minutes)});
+  if (a.stop_step > 0) resume.insert(resume.end(), {"--stop-step", std::to_string(a.stop_step)});
+  if (!a.json.empty()) resume.insert(resume.end(), {"--json", a.json});
+  fmt::print("{}", slurm_training_script(slurm_training(a.slurm_ranks, a.out, resume, a.resume.empty())));
+  return 0;
 }
 
 int run_evaluation(const Arguments& arguments) {
@@ -306,6 +330,9 @@ void add_options(const Command& verb, Arguments& a) {
       .check(real_number(LowerBound::above_zero))
       .show_default();
   verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--emit-slurm", a.slurm_ranks,
+              "Print a batch script for Slurm with so many processes instead; it goes on where a job's time is over")
+      .check(whole_number(1, 1024));
   verb.flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
   verb.option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
   verb.option("--split", a.split, "Split that --evaluate reads: train, valid or test")
@@ -324,6 +351,7 @@ int train_or_evaluate(Arguments& arguments) {
     fmt::print("{}\n", train_config_text(config_of(arguments)));
     return 0;
   }
+  if (arguments.slurm_ranks > 0) return print_slurm_script(arguments);
   set_num_threads(arguments.threads);
   catch_stop_signals();
   return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
@@ -360,15 +388,22 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using graupel::ExitCode;
+  constexpr const char* out_of_memory = "out of memory. Set memory_limit lower, or take fewer scenes a batch";
   try {
     return graupel::train::run(argc, argv);
   } catch (const graupel::Error& error) {
     std::fprintf(stderr, "graupel-train: %s\n", error.what());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "graupel-train: out of memory. Set memory_limit lower, or take fewer scenes a batch\n");
+    std::fprintf(stderr, "graupel-train: %s\n", out_of_memory);
+  } catch (const std::system_error& error) {
+    const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
+    std::fprintf(stderr, "graupel-train: %s%s\n", error.what(),
+                 no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "graupel-train: %s\n", error.what());
+    // libtorch's own error, where it cannot have the memory of a tensor.
+    const bool no_memory = std::strstr(error.what(), "not enough memory") != nullptr;
+    std::fprintf(stderr, "graupel-train: %s\n", no_memory ? out_of_memory : error.what());
   }
   return static_cast<int>(ExitCode::failed);
 }

@@ -1,6 +1,5 @@
 #include "train/commands/reduced_command.h"
 
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -66,7 +65,7 @@ void fill_run_options(const ReducedArguments& a, const std::string& command_line
 
 int stopped_run(const StageRunOptions& options, const std::string& verb) {
   options.message("stopped. Go on with: graupel train " + verb + " --resume " + options.run);
-  return stop_signal() == SIGINT ? static_cast<int>(ExitCode::interrupted) : 0;
+  return saved_exit_code();
 }
 
 nlohmann::ordered_json json_of(const CalibrationReport& calibration) {

@@ -47,22 +47,31 @@ void at_fields(State& state, const Use& use) {
   use("best_step", state.best_step);
 }
 
+void fill(const std::string& folder, const Checkpoint& checkpoint) {
+  make_folder(folder);
+  Json json;
+  at_fields(checkpoint.state, [&](const char* key, const auto& value) { json[key] = value; });
+  for (const auto& [name, weights] : checkpoint.arrays) {
+    const std::string file = folder + "/" + name + ".safetensors";
+    nn::write_safetensors(file, weights);
+    json["crc32c"][name] = crc32c(read_file(file));
+  }
+  write_file_atomically(folder + "/state.json", json.dump(2) + "\n");
+}
+
 }  // namespace
 
 void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
   const std::string path = folder + "/" + folder_name(checkpoint.state.step), part = path + ".part";
   remove_path(part);  // left by a kill
-  make_folder(part);
-  Json json;
-  at_fields(checkpoint.state, [&](const char* key, const auto& value) { json[key] = value; });
-  for (const auto& [name, weights] : checkpoint.arrays) {
-    const std::string file = part + "/" + name + ".safetensors";
-    nn::write_safetensors(file, weights);
-    json["crc32c"][name] = crc32c(read_file(file));
+  try {
+    fill(part, checkpoint);
+    remove_path(path);  // a damaged one of the same step
+    finish_part_file(path);
+  } catch (...) {
+    remove_path(part);
+    throw;
   }
-  write_file_atomically(part + "/state.json", json.dump(2) + "\n");
-  remove_path(path);  // a damaged one of the same step
-  finish_part_file(path);
 }
 
 Checkpoint read_checkpoint(const std::string& path) {

@@ -36,7 +36,7 @@ int64_t step_of_json(const std::string& line) {
 }  // namespace
 
 MetricsLog::MetricsLog(const std::string& folder, std::vector<std::string> columns, int64_t last_step)
-    : columns_(std::move(columns)), events_(folder, now()) {
+    : folder_(folder), columns_(std::move(columns)), events_(folder, now()) {
   std::string head = "step";
   for (const std::string& name : columns_) head += "," + name;
   const std::string csv_path = folder + "/metrics.csv", jsonl_path = folder + "/metrics.jsonl";
@@ -74,7 +74,9 @@ void MetricsLog::write(int64_t step, const Values& values) {
   csv_ << row.str() << "\n" << std::flush;
   jsonl_ << object.dump() << "\n" << std::flush;
   events_.flush();
-  if (!csv_ || !jsonl_) throw IoError("cannot write the metrics of the run. Free space on that disk");
+  if (!csv_ || !jsonl_)
+    throw IoError("cannot write '" + folder_ + "/metrics.csv' and metrics.jsonl. Free space on that disk, then go on " +
+                  "with --resume");
 }
 
 }  // namespace graupel::train

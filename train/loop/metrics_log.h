@@ -22,6 +22,7 @@ class MetricsLog {
   void write(int64_t step, const Values& values);
 
  private:
+  std::string folder_;
   std::vector<std::string> columns_;
   std::ofstream csv_, jsonl_;
   EventFile events_;

@@ -1,0 +1,63 @@
+#include "experiments/data/slurm_array.h"
+
+#include <algorithm>
+
+#include "core/system/shell_words.h"
+
+namespace graupel::experiments {
+
+namespace {
+
+constexpr const char* head = R"(#!/usr/bin/env bash
+# Makes a data set by a Slurm array of @TASKS@ tasks and, after them, a job that finishes the set:
+#   bash FILE [OPTIONS OF SBATCH FOR ALL JOBS, such as --partition=cpu --time=2:00:00 --cpus-per-task=8]
+# The same again makes what is missing. GRAUPEL='apptainer exec graupel.sif graupel' in the environment starts that
+# instead of the program that wrote this.
+set -euo pipefail
+if ! command -v sbatch > /dev/null; then
+  echo "sbatch is not there. Run this script on a machine that submits to Slurm" >&2
+  exit 1
+fi
+)";
+
+constexpr const char* submission = R"(
+@NAME@=$(sbatch --parsable --requeue --job-name=graupel-@NAME@ @OPTIONS@ "$@" << 'END_OF_JOB'
+#!/usr/bin/env bash
+cd @FOLDER@ || exit 1
+exec @COMMAND@
+END_OF_JOB
+)
+echo "@NAME@: job $@NAME@"
+)";
+
+std::string filled(std::string text, const std::string& name, const std::string& value) {
+  const std::string mark = "@" + name + "@";
+  for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += value.size())
+    text.replace(at, mark.size(), value);
+  return text;
+}
+
+}  // namespace
+
+std::string slurm_array_script(const std::string& program, const std::vector<std::string>& words,
+                               const std::string& folder, int tasks) {
+  const std::string count = std::to_string(tasks);
+  const bool threads_given =
+      std::any_of(words.begin(), words.end(), [](const std::string& word) { return word.rfind("--threads", 0) == 0; });
+  const auto command = [&](const std::vector<std::string>& all) {
+    const std::vector<std::string> arguments(all.begin() + 1, all.end());
+    return "${GRAUPEL:-" + shell_word(program) + "} " + shell_line(arguments) +
+           (threads_given ? "" : " --threads \"${SLURM_CPUS_ON_NODE:-0}\"");
+  };
+  const auto job = [&](const std::string& name, const std::string& options, const std::string& line) {
+    std::string text = filled(filled(submission, "NAME", name), "OPTIONS", options);
+    return filled(filled(text, "FOLDER", shell_word(folder)), "COMMAND", line);
+  };
+  // The number of parts is written out: a task that is submitted alone later still makes its own part.
+  return filled(head, "TASKS", count) +
+         job("shards", "--array=0-" + std::to_string(tasks - 1),
+             command(without_option(words, "--json")) + " --shard \"$SLURM_ARRAY_TASK_ID/" + count + "\"") +
+         job("merge", "--dependency=\"afterok:${shards%%;*}\" --kill-on-invalid-dep=yes", command(words));
+}
+
+}  // namespace graupel::experiments
