@@ -15,12 +15,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <mutex>
 
 #include "core/parallel/device.h"
 #include "core/parallel/parallel_for.h"
-#include "core/system/atomic_file.h"
+#include "core/system/archive_file.h"
 #include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/mesh_topology.h"
@@ -339,19 +338,8 @@ Buffer<char> to_nano(const GridType& grid) {
   return bytes;
 }
 
-/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
-struct SeekableArchive : openvdb::io::Archive {
-  using openvdb::io::Archive::write;
-};
-
 void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
-  write_part_file(path, [&](const std::string& part) {
-    std::ofstream out;
-    out.exceptions(std::ios::failbit | std::ios::badbit);
-    out.open(part, std::ios::binary | std::ios::trunc);
-    SeekableArchive().write(out, openvdb::GridCPtrVec(grids.begin(), grids.end()), /*seekable=*/true);
-    out.close();
-  });
+  write_archive<openvdb::io::Archive>(path, openvdb::GridCPtrVec(grids.begin(), grids.end()));
 }
 
 FloatGrid::Ptr union_level_set(const UnionRequest& request) {

@@ -3,9 +3,7 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointConversion.h>
 
-#include <fstream>
-
-#include "core/system/atomic_file.h"
+#include "core/system/archive_file.h"
 #include "core/system/error.h"
 #include "io/export/export_frames.h"
 
@@ -62,11 +60,6 @@ PointDataGrid::Ptr point_grid(const PointFrame& frame) {
   return grid;
 }
 
-/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
-struct SeekableArchive : openvdb::io::Archive {
-  using openvdb::io::Archive::write;
-};
-
 class VdbPoints : public PointWriter {
  public:
   explicit VdbPoints(const ExportTarget& target) : target_(target) {
@@ -77,13 +70,7 @@ class VdbPoints : public PointWriter {
     const std::string path = frame_file(target_, frame, ".vdb");
     check_finite(frame, points);  // OpenVDB sorts points into voxels: a NaN has none
     const PointDataGrid::Ptr grid = point_grid(points);
-    write_part_file(path, [&](const std::string& part) {
-      std::ofstream out;
-      out.exceptions(std::ios::failbit | std::ios::badbit);
-      out.open(part, std::ios::binary | std::ios::trunc);
-      SeekableArchive().write(out, openvdb::GridCPtrVec{grid}, /*seekable=*/true);
-      out.close();
-    });
+    write_archive<openvdb::io::Archive>(path, openvdb::GridCPtrVec{grid});
   }
 
  private:

@@ -13,13 +13,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <numbers>
 
 #include "core/parallel/device.h"
 #include "core/parallel/memory.h"
 #include "core/parallel/parallel_for.h"
-#include "core/system/atomic_file.h"
+#include "core/system/archive_file.h"
 #include "core/system/error.h"
 #include "io/config/config_document.h"
 #include "io/surface/near_particles.h"
@@ -148,15 +147,6 @@ Vec3SGrid::Ptr velocity_grid(const FloatGrid& surface, const NearParticles& near
 
 }  // namespace
 
-namespace {
-
-/// openvdb::io::File without its stream, which is silent where the disk is full: the file would be cut short.
-struct SeekableArchive : openvdb::io::Archive {
-  using openvdb::io::Archive::write;
-};
-
-}  // namespace
-
 struct ParticleSurface::Impl {
   FloatGrid::Ptr level_set;
   NearParticles near;
@@ -206,13 +196,7 @@ void ParticleSurface::write_vdb(const std::string& path, double time) const {
   if (impl_->near.has_velocities())
     grids.push_back(arena.execute([&] { return velocity_grid(*impl_->level_set, impl_->near); }));
   for (const openvdb::GridBase::Ptr& grid : grids) grid->insertMeta("time", openvdb::DoubleMetadata(time));
-  write_part_file(path, [&](const std::string& part) {
-    std::ofstream out;
-    out.exceptions(std::ios::failbit | std::ios::badbit);
-    out.open(part, std::ios::binary | std::ios::trunc);
-    SeekableArchive().write(out, openvdb::GridCPtrVec(grids.begin(), grids.end()), /*seekable=*/true);
-    out.close();
-  });
+  write_archive<openvdb::io::Archive>(path, openvdb::GridCPtrVec(grids.begin(), grids.end()));
 }
 
 }  // namespace graupel::io
