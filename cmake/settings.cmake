@@ -74,3 +74,18 @@ list(APPEND GRAUPEL_CXX_OPTIONS -Wno-psabi)
 if(GRAUPEL_NATIVE)
   list(APPEND GRAUPEL_CXX_OPTIONS -march=native)
 endif()
+
+# Sanitizers (./run sanitize): everything of this tree is compiled with them, the libraries of the system are not.
+# Presets switch GRAUPEL_WERROR off: with their checks in the code the compiler warns of what is not there.
+set(GRAUPEL_SANITIZE "" CACHE STRING "Sanitizers: address (with undefined), thread, or none")
+if(GRAUPEL_SANITIZE STREQUAL "address")
+  set(sanitizers -fsanitize=address,undefined -fsanitize-recover=address,undefined -D_GLIBCXX_ASSERTIONS)
+elseif(GRAUPEL_SANITIZE STREQUAL "thread")
+  set(sanitizers -fsanitize=thread -Wno-tsan)
+elseif(GRAUPEL_SANITIZE)
+  message(FATAL_ERROR "GRAUPEL_SANITIZE is '${GRAUPEL_SANITIZE}' (allowed: address, thread, or nothing)")
+endif()
+if(GRAUPEL_SANITIZE)
+  add_compile_options(${sanitizers} -O1 -g1 -fno-omit-frame-pointer)
+  add_link_options(${sanitizers})
+endif()

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <vector>
 
 #include "core/parallel/parallel_for.h"
+#include "core/parallel/thread_team.h"
 
 namespace graupel {
 
@@ -44,8 +46,15 @@ void for_each_task(std::size_t n, int threads, const Body& body) {
   if (used <= 1) {
     for (std::size_t i = 0; i < n; ++i) errors.run(i, body);
   } else {
+#ifdef GRAUPEL_THREAD_SANITIZER
+    std::atomic<std::size_t> next = 0;
+    run_team(used, [&](int) {
+      for (std::size_t i; (i = next++) < n;) errors.run(i, body);
+    });
+#else
 #pragma omp parallel for schedule(dynamic) num_threads(used)
     for (std::size_t i = 0; i < n; ++i) errors.run(i, body);
+#endif
   }
   errors.rethrow();
 }

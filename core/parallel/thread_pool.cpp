@@ -12,6 +12,7 @@
 #include <mutex>
 
 #include "core/parallel/device.h"
+#include "core/parallel/thread_team.h"
 
 namespace graupel {
 
@@ -48,11 +49,16 @@ void run_chunks(int64_t chunks, const void* context, void (*run)(const void* con
     return;
   }
   std::atomic<int64_t> next{0};
-  const auto take_chunks = [&](int) {
-    const InRegion region(tbb::this_task_arena::current_thread_index());
+  const auto take_chunks = [&](int slot) {
+    const InRegion region(slot);
     for (int64_t c; (c = next.fetch_add(1, std::memory_order_relaxed)) < chunks;) run(context, c);
   };
-  arena_of(num_threads()).execute([&] { tbb::parallel_for(0, threads, take_chunks, tbb::simple_partitioner()); });
+#ifdef GRAUPEL_THREAD_SANITIZER
+  run_team(threads, take_chunks);
+#else
+  const auto of_this_thread = [&](int) { take_chunks(tbb::this_task_arena::current_thread_index()); };
+  arena_of(num_threads()).execute([&] { tbb::parallel_for(0, threads, of_this_thread, tbb::simple_partitioner()); });
+#endif
 }
 
 int thread_slot() { return std::max(0, slot_in_region); }

@@ -3,10 +3,10 @@
 #include <array>
 #include <atomic>
 #include <cmath>
-#include <exception>
 #include <filesystem>
 
 #include "core/parallel/device.h"
+#include "core/parallel/parallel_tasks.h"
 #include "core/scene/kinematic_particles.h"
 #include "core/scene/periodic_walls.h"
 #include "core/system/atomic_file.h"
@@ -67,19 +67,12 @@ MotionStatistics motion_statistics(const TrajectoryReader& reader, int i, const 
 /// Of all trajectories. Each thread has a reader of its own; the sums are added in the order of the file.
 MotionStatistics motion_statistics(const std::string& path, int count, const Vec3d& period) {
   std::vector<MotionStatistics> each(static_cast<std::size_t>(count));
-  std::exception_ptr failure;
   std::atomic<int> next = 0;
   const int threads = hdf5::threads_may_call() ? std::min(num_threads(), std::max(count, 1)) : 1;
-#pragma omp parallel num_threads(threads)
-  try {
+  for_each_task(static_cast<std::size_t>(threads), threads, [&](std::size_t) {
     const TrajectoryReader reader(path);
     for (int i = 0; (i = next++) < count;) each[static_cast<std::size_t>(i)] = motion_statistics(reader, i, period);
-  } catch (...) {
-#pragma omp critical
-    failure = std::current_exception();
-    next = count;
-  }
-  if (failure) std::rethrow_exception(failure);
+  });
   MotionStatistics all;
   for (const MotionStatistics& one : each) all.add(one);
   return all;
