@@ -8,6 +8,7 @@ import os
 import pickle
 import struct
 import unittest
+import warnings
 import zipfile
 
 import h5py
@@ -197,6 +198,35 @@ class Gns(Case):
         with open(self.path("a.npz"), "wb") as file:
             file.write(data)
         self.refused(errors.InputError, "more bytes than it can unfold to", lambda: gns.GnsSplit(self.path("a.npz")).read(0))
+
+    def test_members_that_unfold_too_far_are_refused(self):
+        still = np.zeros((2, 3_000_000, 3), np.float32)
+        np.savez_compressed(self.path("a.npz"), a=objects(still, 5))
+        self.refused(errors.InputError, ("'a.npy'", "more than 30 times as many"),
+                     lambda: gns.GnsSplit(self.path("a.npz")).read(0))
+
+    def test_foreign_and_doubled_members_are_refused(self):
+        good = objects(sample(4, 3, 2).position, np.array([5, 6, 5]))
+        np.savez(self.path("a.npz"), x=good)
+        with zipfile.ZipFile(self.path("a.npz")) as archive:
+            data = archive.read("x.npy")
+        for names, words in ((("x.npy", "readme.txt"), "'readme.txt' whose name is no array's"),
+                             (("../x.npy",), "'../x.npy' whose name"), (("x.npy", "x.npy"), "'x.npy' that is given twice")):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                with zipfile.ZipFile(self.path("b.npz"), "w") as archive:
+                    for name in names:
+                        archive.writestr(name, data)
+            self.refused(errors.InputError, ("b.npz'", words), lambda: gns.GnsSplit(self.path("b.npz")))
+
+    def test_headers_of_another_shape_are_refused(self):
+        for shape in ((10 ** 18,), (3,), ()):
+            file = io.BytesIO()
+            np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": shape})
+            pickle.dump(objects(sample(4, 3, 2).position, 5), file, protocol=4)
+            with zipfile.ZipFile(self.path("a.npz"), "w") as archive:
+                archive.writestr("a.npy", file.getvalue())
+            self.refused(errors.InputError, "its .npy header says the shape", lambda: gns.GnsSplit(self.path("a.npz")).read(0))
 
 
 class LagrangeBench(Case):

@@ -194,6 +194,10 @@ class Command(Case):
         bad.position[1, 2, 1] = np.nan
         refused("not finite (frame 1, particle 2)", 3, run=bad)
         bad = sample(4, 6, 2)
+        bad.position[3, 4, 0] = 1e30
+        refused("over 10 domains away from metadata.json's bounds (frame 3, particle 4)", 3, run=bad)
+        refused("has 1 frame (allowed: 2 and more", 3, run=sample(1, 6, 2))
+        bad = sample(4, 6, 2)
         bad.particle_type = np.array([5, 0, 1, 5, 5, 5])
         refused("types 0, 1 of gns", 3, run=bad)
         bad.particle_type = np.full(6, 3)

@@ -12,6 +12,7 @@ from .scenes import SceneMaker, graupel_metadata, own_metadata
 from .series import SPLITS, Motion, TypeTable, name_of
 from .tfrecord import write_tfrecord_split
 
+FARTHEST = 10  # edges of the domain that particles may be outside of it
 READERS = {"graupel": GraupelSplit, "gns": GnsSplit, "lagrangebench": LagrangeBenchSplit}
 
 
@@ -153,10 +154,7 @@ class Conversion:
         if series.dimensions != self.metadata.dimensions:
             raise InputError(f"{series.where} has {series.dimensions} dimensions, metadata.json says dim "
                              f"{self.metadata.dimensions}. Correct metadata.json")
-        bad = np.argwhere(~np.isfinite(series.position))
-        if len(bad):
-            raise InputError(f"{series.where} has a position that is not finite (frame {bad[0][0]}, particle {bad[0][1]}). Leave "
-                             "that run out")
+        self._check_positions(series)
         if self.source != "graupel":
             series.particle_type = self.table.to_ours(series.particle_type, series.where)
         self._count(name, series)
@@ -164,6 +162,20 @@ class Conversion:
         self.done += 1
         self.progress(self.done, self.total)
         return series
+
+    def _check_positions(self, series):
+        if series.frames < 2:
+            raise InputError(f"{series.where} has {series.frames} frame (allowed: 2 and more, which make a velocity). Leave that "
+                             "run out")
+        bounds = np.array(self.metadata.bounds)
+        far = FARTHEST * (bounds[:, 1] - bounds[:, 0]).max()
+        for bad, problem in ((~np.isfinite(series.position), "that is not finite"),
+                             ((series.position < bounds[:, 0] - far) | (series.position > bounds[:, 1] + far),
+                              f"that is over {FARTHEST} domains away from metadata.json's bounds")):
+            places = np.argwhere(bad)
+            if len(places):
+                raise InputError(f"{series.where} has a position {problem} (frame {places[0][0]}, particle {places[0][1]}). Leave "
+                                 "that run out")
 
     def _count(self, name, series):
         self.figures.setdefault(name, SplitFigures()).count(series)

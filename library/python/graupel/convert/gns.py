@@ -8,11 +8,12 @@ import zlib
 import numpy as np
 
 from .errors import InputError, Unreadable, writing
-from .pickles import Array, read_pickle
+from .pickles import Array, printable, read_pickle
 from .series import Series
 
 COMMON_MEMBER = "gns_data.npy"
 LARGEST_RATIO = 1100  # deflate unfolds at most 1032 times
+UNWATCHED, MOST_RATIO = 1 << 26, 30  # larger members of positions of moving particles shrink to a third at most
 MOST_HEADER = 10000
 
 
@@ -24,6 +25,9 @@ def read_member(archive, info):
     """Bytes of a member, as many as it claims."""
     if info.file_size // LARGEST_RATIO > info.compress_size:
         raise Unreadable("it claims more bytes than it can unfold to")
+    if info.file_size > max(UNWATCHED, MOST_RATIO * info.compress_size):
+        raise Unreadable(f"its {info.compress_size} bytes unfold to {info.file_size}, more than {MOST_RATIO} times as many, "
+                         "as positions never do")
     if info.file_size > os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"):
         raise Unreadable(f"it unfolds to {info.file_size} bytes, more than this machine's memory")
     try:
@@ -56,6 +60,8 @@ def object_array(data):
     root = read_pickle(data[file.tell():])
     if not isinstance(root, Array) or root.values is None or not root.objects:
         raise Unreadable("its pickle holds no array of objects")
+    if root.shape != shape:
+        raise Unreadable(f"its .npy header says the shape {shape_text(shape)[:60]}, its pickle {shape_text(root.shape)}")
     return root
 
 
@@ -132,6 +138,7 @@ class GnsSplit:
         self.members = self.archive.infolist()
         if not self.members:
             raise InputError(f"cannot read '{path}' (it has no members). Make the archive again")
+        self._check_names()
         self.count = len(self.members)
         self.common = next((m for m in self.members if m.filename == COMMON_MEMBER), None)
         if self.common:
@@ -141,6 +148,16 @@ class GnsSplit:
                 raise InputError(f"'{path}': cannot read '{COMMON_MEMBER}' (its array of trajectories has the shape "
                                  f"{shape_text(shape)}). Give data of geoelements/gns, or make the file again")
             self.count = shape[0]
+
+    def _check_names(self):
+        names = set()
+        for name in (member.filename for member in self.members):
+            problem = ("that is given twice" if name in names else "" if name.endswith(".npy") and "/" not in name else
+                       "whose name is no array's (NAME.npy)")
+            if problem:
+                raise InputError(f"cannot read '{self.path}' (it has a member '{printable(name)}' {problem}). Give data of "
+                                 "geoelements/gns, or make the archive again")
+            names.add(name)
 
     def _guarded(self, member, body):
         try:
