@@ -59,6 +59,16 @@ if(GRAUPEL_CUDA)
   endif()
 endif()
 
+# Everything that graupel_fuzz links is watched and tells libFuzzer where it has been.
+if(GRAUPEL_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    message(FATAL_ERROR "GRAUPEL_FUZZ needs clang++ (this is ${CMAKE_CXX_COMPILER_ID}). Use 'cmake --preset fuzz'")
+  endif()
+  add_compile_options(-O1 -gline-tables-only -fno-omit-frame-pointer -fsanitize=address,undefined,float-cast-overflow,fuzzer-no-link
+    -fno-sanitize-recover=undefined,float-cast-overflow)
+  add_link_options(-fsanitize=address,undefined)
+endif()
+
 # Hot loops of the CPU are compiled for several instruction sets there (cmake/module.cmake).
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   set(GRAUPEL_X86_KERNELS ON)
