@@ -40,8 +40,7 @@ void demo(const DemoOptions& options) {
   const fs::path folder = options.models, coarse = folder / "coarse-mpm.safetensors", hgn = folder / "hgn.safetensors";
   for (const fs::path& weights : {coarse, hgn})
     if (!fs::exists(weights))
-      throw InputError("'" + weights.string() +
-                       "' is not there. Run the demo in the repository's root, or name the folder with --models");
+      throw InputError("'" + weights.string() + "' is not there. Name the folder of the shipped weights with --models");
   CompareOptions compare;
   compare.scenes = {fs::path(options.scenes) / "mixed_blocks.json", fs::path(options.scenes) / "water_steps.json"};
   compare.models = {"mpm", "mpm:coarse:fast", coarse, hgn};
@@ -57,9 +56,8 @@ void demo(const DemoOptions& options) {
   compare.report = options.output;
   compare.command = command_line();
   run_compare(compare);
-  std::fprintf(options.common.json == "-" ? stderr : stdout,
-               "\nOpen %s in a browser for pictures, curves and the particle player.\n",
-               fs::absolute(options.output).c_str());
+  std::printf("\nOpen %s in a browser for pictures, curves and the particle player.\n",
+              fs::absolute(options.output).c_str());
 }
 
 }  // namespace

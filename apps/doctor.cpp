@@ -12,7 +12,7 @@ void add_doctor(const Command& program) {
   auto options = std::make_shared<CommonOptions>();
   const Command verb = program.command(
       "doctor", "Tell devices, instruction set and libraries, and what makes runs slow on this machine");
-  options->add_to(verb);
+  options->add_without_run_to(verb);
   verb.footer("Examples:\n  graupel doctor\n  graupel doctor --threads 4 --json machine.json");
   verb.callback([options] { doctor(*options); });
 }

@@ -1,10 +1,8 @@
 // graupel export: trajectory -> files that other programs read.
-#include <cstdio>
 #include <memory>
 
 #include "apps/verbs.h"
 #include "experiments/export/export_run.h"
-#include "experiments/process/common_options.h"
 
 namespace graupel::apps {
 
@@ -16,14 +14,6 @@ struct ExportVerb {
   CommonOptions common;
   ExportRequest request;
 };
-
-void export_verb(ExportVerb& verb) {
-  verb.common.apply();
-  const ExportResult result = export_trajectory(verb.request);
-  std::fprintf(stderr, "%s: %lld frames of %lld particles as .%s\n", result.folder.c_str(),
-               static_cast<long long>(result.frames), static_cast<long long>(result.particles),
-               verb.request.format.c_str());
-}
 
 }  // namespace
 
@@ -59,13 +49,13 @@ void add_export(const Command& app) {
       .check(real_number(1, 240));
   command.option("--width", request.width, "Of pictures, even [pixels]").check(whole_number(64, 7680)).show_default();
   command.option("--height", request.height, "Of pictures, even [pixels]").check(whole_number(64, 4320)).show_default();
-  verb->common.add_to(command);
+  verb->common.add_without_run_to(command);
   command.footer(
       "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n"
       "  graupel export steps.h5 --surface --format usda --frames 0:60:2\n"
       "  graupel export steps.h5 --format mp4\n"
       "  graupel export data/hgn/test.h5 --trajectory 3 --format ply");
-  command.callback([verb] { export_verb(*verb); });
+  command.callback([verb] { run_export(verb->request, verb->common); });
 }
 
 }  // namespace graupel::apps

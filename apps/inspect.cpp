@@ -1,5 +1,5 @@
-// graupel inspect: what is in a scene, a sweep, a trajectory, a saved state, a weights file, a .vdb grid or folders of
-// training runs; recovers a trajectory after a kill.
+// graupel inspect: what is in a scene, a recipe, a trajectory, a data set, a saved state, a weights file, a .vdb grid
+// or folders of training runs; recovers a trajectory after a kill.
 #include <memory>
 
 #include "apps/verbs.h"
@@ -11,16 +11,19 @@ using namespace experiments;
 
 void add_inspect(const Command& app) {
   auto options = std::make_shared<InspectOptions>();
-  const Command verb =
-      app.command("inspect", "Look into a scene, sweep, trajectory, saved state, weights, .vdb file or training runs");
-  verb.option("file", options->files, "A .json, .h5, .safetensors or .vdb file, a saved state; or run folders")
+  const Command verb = app.command(
+      "inspect", "Look into a scene, recipe, trajectory, data set, saved state, weights, .vdb file or training runs");
+  verb.option("file", options->files,
+              "A .json, .h5, .safetensors or .vdb file, a saved state, a data set's folder; or run folders")
       .required();
   verb.option("--plots", options->plots, "Plot what training runs measured over time, into this folder (.svg)");
   verb.flag("--recover", options->recover,
             "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
-  options->common.add_to(verb);
+  verb.option("-o,--output", options->output, "Of --recover: make this file, and leave FILE.part as it is");
+  options->common.add_without_run_to(verb);
   verb.footer(
       "Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5\n"
+      "  graupel inspect --recover /full/steps.h5 -o /tmp/steps.h5\n  graupel inspect data/hgn\n"
       "  graupel inspect runs/hgn runs/gns --plots curves");
   verb.callback([options] { inspect(*options); });
 }

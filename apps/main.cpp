@@ -1,8 +1,23 @@
 // graupel: the verbs, and what --help says of them all.
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include "apps/verbs.h"
 #include "experiments/process/program.h"
 
 namespace {
+
+/// Before the libraries' own start, in which some crash where they get no memory.
+void check_address_space() {
+  constexpr rlim_t least = 180u << 20;
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur >= least) return;
+  constexpr char text[] =
+      "graupel: less than 180 MB of address space are allowed (ulimit -v). Allow more, 1 GB for small scenes\n";
+  if (::write(STDERR_FILENO, text, sizeof text - 1) >= 0) ::_exit(1);
+  ::_exit(1);
+}
+[[gnu::section(".preinit_array"), gnu::used]] void (*const first_of_all)() = check_address_space;
 
 void add_verbs(const graupel::CommandLine& program, int& exit_code) {
   using namespace graupel::apps;
@@ -11,8 +26,10 @@ void add_verbs(const graupel::CommandLine& program, int& exit_code) {
           "Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"
           "  graupel compare --scenes scenes/shared/water_steps.json --models mpm,models/hgn.safetensors --report "
           "report.html\n"
-          "'graupel VERB --help' explains a verb. Exit codes: 0 ok, 1 failed, 2 usage, 3 bad input, 4 diverged, 5 I/O, "
-          "75 stopped by SIGUSR1 (start again to go on), 130 interrupted.\n") +
+          "'graupel VERB --help' explains a verb.\n"
+          "Exit codes: 0 ok; 1 failed; 2 wrong flags, or values in scenes and recipes that cannot be; 3 input files "
+          "that are missing, damaged\nor of another kind; 4 diverged; 5 an output cannot be written; 75 stopped by "
+          "SIGUSR1 (start again to go on);\n130 stopped by Ctrl-C or SIGTERM.\n") +
       graupel::experiments::environment_help);
   add_demo(program);
   add_compare(program);

@@ -13,7 +13,7 @@ void add_validate(const Command& program) {
   const Command verb =
       program.command("validate", "Tell all that is wrong with scenes, recipes and other files at once");
   verb.option("files", options->files, "Scenes and recipes (.json), .h5, .safetensors, .vdb, saved states").required();
-  options->common.add_to(verb);
+  options->common.add_without_run_to(verb);
   verb.footer(
       "Examples:\n  graupel validate my_scene.json\n  graupel validate scenes/shared/*.json --json -\n"
       "Exit code 0 where all is well, else 3. Of a scene all keys are read, then the rules between keys and the files "

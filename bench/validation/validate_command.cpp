@@ -8,9 +8,9 @@
 #include "compare/report/plot_svg.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/output_files.h"
 #include "core/system/stopwatch.h"
 #include "experiments/process/common_options.h"
-#include "experiments/process/outputs.h"
 #include "experiments/process/process.h"
 #include "validation/case.h"
 

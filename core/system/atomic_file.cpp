@@ -14,6 +14,8 @@
 #include <new>
 
 #include "core/system/error.h"
+#include "core/system/standard_output.h"
+#include "core/system/unfinished_file.h"
 
 namespace graupel {
 
@@ -84,6 +86,20 @@ std::string create_aside(const std::string& path) {
   }
 }
 
+std::string read_pipe(std::istream& stream, const std::string& path, std::size_t limit) {
+  std::string bytes;
+  std::vector<char> piece(1 << 16);
+  do {
+    stream.read(piece.data(), static_cast<std::streamsize>(piece.size()));
+    bytes.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
+    if (bytes.size() > limit)
+      throw InputError("'" + path + "' is too large (more than " + std::to_string(limit) +
+                       " bytes). Name another file");
+  } while (stream);
+  if (stream.bad()) throw InputError("cannot read '" + path + "' (it cannot be read like a file). Name another file");
+  return bytes;
+}
+
 }  // namespace
 
 void replace_file(const std::string& part, const std::string& path) {
@@ -102,18 +118,16 @@ void finish_part_file(const std::string& path) {
 }
 
 void write_part_file(const std::string& path, const std::function<void(const std::string& part)>& write) {
-  const std::string part = path + ".part";
+  UnfinishedFile part(path + ".part");
   try {
-    write(part);
+    write(part.path());
     finish_part_file(path);
+    part.keep();
   } catch (const Error&) {
-    remove_path(part);
     throw;
   } catch (const std::bad_alloc&) {
-    remove_path(part);
     throw;
   } catch (const std::exception& error) {
-    remove_path(part);
     throw IoError("cannot write '" + path + "' (" + error.what() + "). Free space there or choose another folder");
   }
 }
@@ -123,7 +137,7 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
 }
 
 void write_file_atomically(const std::string& path, const std::vector<std::string_view>& pieces) {
-  if (path == "-") return write_all(STDOUT_FILENO, pieces, "standard output");
+  if (path == "-") return write_all(standard_output(), pieces, "standard output");
   struct stat status {};
   if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
     if (S_ISDIR(status.st_mode)) {
@@ -135,17 +149,15 @@ void write_file_atomically(const std::string& path, const std::vector<std::strin
     write_all(fd.get(), pieces, path);
     return;
   }
-  const std::string part = create_aside(path);
-  try {
-    Descriptor fd(::open(part.c_str(), O_WRONLY));
-    if (fd.get() < 0) fail("open", part);
-    write_all(fd.get(), pieces, part);
-    sync_descriptor(fd.get(), part);
-    replace_file(part, path);
-  } catch (...) {
-    ::unlink(part.c_str());
-    throw;
+  UnfinishedFile part(create_aside(path));
+  {
+    const Descriptor fd(::open(part.path().c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", part.path());
+    write_all(fd.get(), pieces, part.path());
+    sync_descriptor(fd.get(), part.path());
   }
+  replace_file(part.path(), path);
+  part.keep();
 }
 
 void sync_file(const std::string& path) { sync_path(path, O_RDONLY); }
@@ -162,7 +174,7 @@ std::string read_file(const std::string& path, std::size_t limit) {
                      std::to_string(limit) + ")");
   if (end < 0) {  // a pipe
     stream.clear();
-    return {std::istreambuf_iterator<char>(stream), {}};
+    return read_pipe(stream, path, limit);
   }
   std::string bytes(static_cast<std::size_t>(end), '\0');
   stream.seekg(0);

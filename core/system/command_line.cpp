@@ -36,10 +36,25 @@ std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) 
   for (const CLI::Option* option : verb->get_options())
     for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const std::string& word : verb->remaining(true)) {
+    if (word == "--") text += ". Words after '--' are no flags: put flags before it";
+    if (word.find_first_not_of('-') == std::string::npos) continue;
     const std::string close = closest_of(word.substr(0, word.find('=')), known);
     if (!close.empty()) text += ". Did you mean '" + close + "' instead of '" + word + "'?";
   }
   return text;
+}
+
+/// CLI11 takes "--" after a command with words of its own for its own: it is hidden from it meanwhile.
+const std::string hidden_dashes = "\x1d--";
+
+/// Last word first, as CLI11 takes them.
+std::vector<std::string> reversed_words(const CLI::App& app, int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + std::min(1, argc), argv + argc);
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    if (!words.empty() && command->get_name() == words.front() && command->get_prefix_command())
+      std::replace(words.begin(), words.end(), std::string("--"), hidden_dashes);
+  std::reverse(words.begin(), words.end());
+  return words;
 }
 
 }  // namespace
@@ -190,7 +205,11 @@ void Command::take_words_as_they_are() const {
   app_->set_help_flag();
 }
 
-std::vector<std::string> Command::words() const { return app_->remaining(); }
+std::vector<std::string> Command::words() const {
+  std::vector<std::string> words = app_->remaining();
+  std::replace(words.begin(), words.end(), hidden_dashes, std::string("--"));
+  return words;
+}
 
 void Command::callback(std::function<void()> work) const { app_->callback(std::move(work)); }
 
@@ -205,7 +224,8 @@ void CommandLine::version(const std::string& text) const { app_->set_version_fla
 
 int CommandLine::run(int argc, const char* const* argv, const std::string& program) const {
   try {
-    app_->parse(argc, argv);
+    if (app_->get_name().empty() && argc > 0) app_->name(argv[0]);
+    app_->parse(reversed_words(*app_, argc, argv));
     return static_cast<int>(ExitCode::ok);
   } catch (const CLI::Success& help) {
     return app_->exit(help);

@@ -1,30 +1,94 @@
 #include "core/system/stop_signal.h"
 
-#include <csignal>
+#include <sys/time.h>
+#include <unistd.h>
 
-#include "core/system/error.h"
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+
+#include "core/system/unfinished_file.h"
 
 namespace graupel {
 
 namespace {
-volatile std::sig_atomic_t caught = 0;
-extern "C" void remember_signal(int signal) { caught = signal; }
-}  // namespace
 
-void catch_stop_signals() {
-  struct sigaction action {};
-  action.sa_handler = remember_signal;
-  sigaction(SIGUSR1, &action, nullptr);  // batch systems may send it more than once
-  action.sa_flags = SA_RESETHAND;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+constexpr itimerval grace = {{0, 0}, {0, 800'000}};  ///< less than the second that is promised
+
+volatile std::sig_atomic_t caught = 0;
+volatile std::sig_atomic_t policy_now = static_cast<int>(StopPolicy::finish);
+
+bool ends_process(int signal) { return signal == SIGINT || signal == SIGTERM; }
+
+void print(const char* text) {
+  if (::write(STDERR_FILENO, text, std::strlen(text)) < 0) return;  // there is nobody else to tell
 }
 
-void release_stop_signals() {
-  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) std::signal(signal, SIG_DFL);
+/// Plain system calls alone, as it runs in signal handlers.
+[[noreturn]] void end_process() {
+  remove_unfinished_files();
+  print(program_invocation_short_name);
+  print(": interrupted\n");
+  ::_exit(static_cast<int>(ExitCode::interrupted));
+}
+
+void act_on_stop() {
+  const auto policy = static_cast<StopPolicy>(policy_now);
+  if (policy == StopPolicy::at_once) end_process();
+  if (policy == StopPolicy::within_a_second) ::setitimer(ITIMER_REAL, &grace, nullptr);
+}
+
+extern "C" void remember_signal(int signal) {
+  const bool again = ends_process(caught);
+  if (!again) caught = signal;
+  if (!ends_process(signal)) return;
+  if (again) end_process();
+  const int error = errno;
+  act_on_stop();
+  errno = error;
+}
+
+extern "C" void end_after_grace(int) {
+  if (static_cast<StopPolicy>(policy_now) != StopPolicy::finish) end_process();
+}
+
+void set_policy(StopPolicy policy) {
+  policy_now = static_cast<int>(policy);
+  if (ends_process(caught)) act_on_stop();
+}
+
+}  // namespace
+
+void catch_stop_signals(StopPolicy policy) {
+  set_policy(policy);
+  struct sigaction action {};
+  action.sa_flags = SA_RESTART;  // reading and writing go on
+  action.sa_handler = end_after_grace;
+  sigaction(SIGALRM, &action, nullptr);
+  action.sa_handler = remember_signal;
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) sigaction(signal, &action, nullptr);
 }
 
 int stop_signal() { return caught; }
+
+StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(static_cast<StopPolicy>(policy_now)) {
+  set_policy(policy);
+}
+
+StopPolicyScope::~StopPolicyScope() { set_policy(before_); }
+
+void stop_if_interrupted(const std::string& what_now) {
+  if (caught != 0) throw_interrupted(what_now);
+}
+
+void throw_interrupted(const std::string& what_now) {
+  const ExitCode code = caught == SIGUSR1 ? ExitCode{start_again_exit_code} : ExitCode::interrupted;
+  throw StoppedError(code, "interrupted" + what_now);
+}
+
+void give_up_if_stopped() {
+  if (static_cast<StopPolicy>(policy_now) != StopPolicy::finish) stop_if_interrupted();
+}
 
 int saved_exit_code() {
   if (caught == SIGINT) return static_cast<int>(ExitCode::interrupted);

@@ -1,15 +1,45 @@
-// Ctrl-C, SIGTERM and SIGUSR1: remembered, so that long loops can end between two steps.
+// Ctrl-C, SIGTERM and SIGUSR1: remembered, so that long loops can end between two steps; and the end of work that does
+// not ask.
 #pragma once
+
+#include "core/system/error.h"
 
 namespace graupel {
 
-/// From now on the first SIGINT or SIGTERM, and every SIGUSR1, is remembered; a second SIGINT or SIGTERM ends the
-/// process at once.
-void catch_stop_signals();
-/// From now on each of these signals ends the process at once: for work that asks for none and leaves nothing behind.
-void release_stop_signals();
+/// What the first SIGINT or SIGTERM does beside being remembered. A second one ends the process at once. Where a signal
+/// ends the process, unfinished files are removed, and the exit code is ExitCode::interrupted.
+enum class StopPolicy {
+  finish,           ///< nothing: the work asks stop_signal() and saves what would be lost
+  within_a_second,  ///< work that asks ends in its own way; where it has not ended after a second, the process ends
+  at_once           ///< the process ends: for work that leaves nothing behind
+};
+
+/// From now on SIGINT, SIGTERM and SIGUSR1 are remembered, the latter without any other effect.
+void catch_stop_signals(StopPolicy policy = StopPolicy::finish);
 /// The signal that came, 0 for none.
 int stop_signal();
+
+/// Another policy while this lives. Of the main thread.
+class StopPolicyScope {
+ public:
+  explicit StopPolicyScope(StopPolicy policy);
+  ~StopPolicyScope();
+  StopPolicyScope(const StopPolicyScope&) = delete;
+  StopPolicyScope& operator=(const StopPolicyScope&) = delete;
+
+ private:
+  StopPolicy before_;
+};
+
+/// Work that was given up because of stop_signal().
+struct StoppedError : Error {
+  using Error::Error;
+};
+/// Throws StoppedError once a signal came, with the exit code of that signal; `what_now` ends its text.
+void stop_if_interrupted(const std::string& what_now = "");
+[[noreturn]] void throw_interrupted(const std::string& what_now);
+/// The same for long loops inside of libraries; no effect where the policy is to finish.
+void give_up_if_stopped();
 
 /// Exit code after SIGUSR1, by which batch systems tell that the time is nearly over: all is saved, start again to go
 /// on (EX_TEMPFAIL of sysexits.h).

@@ -15,9 +15,11 @@
 #include "core/parallel/hardware.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
+#include "core/system/standard_output.h"
 #include "experiments/comparison/compare_scene.h"
 #include "experiments/comparison/fairness.h"
-#include "experiments/process/outputs.h"
+#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
 #include "mpm/memory_need.h"
 #include "nn/offline_cost.h"
@@ -145,17 +147,26 @@ void check_memory(const SceneTask& task, const std::vector<ModelChoice>& models,
   }
 }
 
+/// The file of "WEIGHTS.safetensors:no-pull".
+std::string file_of(const std::string& model) {
+  const std::string ending = ".safetensors";
+  const std::size_t at = model.find(ending + ":");
+  return at == std::string::npos ? model : model.substr(0, at + ending.size());
+}
+
 void check_outputs(const CompareOptions& options) {
   for (const std::string& file : {options.json, options.csv, options.report, options.write_floors})
     check_output_file(file);
   check_output_folder(options.pictures);
-  std::vector<NamedFile> inputs = {{"the floors", options.floor_file}};
+  std::vector<NamedFile> inputs = {{"the floors", options.floor_file}, {"the training runs", options.training_runs}};
   for (const std::string& scene : options.scenes) inputs.push_back({"the scenes", scene});
-  for (const std::string& model : options.models) inputs.push_back({"the model", model});
-  check_apart(inputs, {{"--json", options.json},
-                       {"--csv", options.csv},
-                       {"--report", options.report},
-                       {"--write-floors", options.write_floors}});
+  for (const std::string& model : options.models) inputs.push_back({"the model", file_of(model)});
+  check_inputs_kept(inputs,
+                    {{"--json", options.json},
+                     {"--csv", options.csv},
+                     {"--report", options.report},
+                     {"--write-floors", options.write_floors}},
+                    options.set);
 }
 
 /// One contact sheet a scene and model: the truth above, the model below.
@@ -178,22 +189,17 @@ void write_files(const compare::Comparison& comparison, const CompareOptions& op
   if (!options.pictures.empty()) write_pictures(comparison, options.pictures);
 }
 
-void print_table(const compare::Comparison& comparison, const CompareOptions& options) {
-  const bool output_taken = options.json == "-" || options.csv == "-" || options.report == "-";
-  std::FILE* stream = output_taken ? stderr : stdout;
-  std::fputs(compare::comparison_table(comparison).c_str(), stream);
-  std::fflush(stream);
+void print_table(const compare::Comparison& comparison) {
+  std::fputs(printable(compare::comparison_table(comparison)).c_str(), stdout);
+  std::fflush(stdout);
   for (const compare::SceneResult& scene : comparison.scenes) {
     for (const auto& [reference, frame] : scene.diverged_references)
-      std::fprintf(stderr,
-                   "graupel: warning: reference run '%s' diverged at frame %lld of %s; its last usable frame "
-                   "stands in for the rest\n",
-                   reference.c_str(), static_cast<long long>(frame), scene.name.c_str());
+      warn(fmt::format("reference run '{}' diverged at frame {} of {}; its last usable frame stands in for the rest",
+                       reference, frame, scene.name));
     for (const compare::ModelResult& result : scene.models)
       if (result.diverged_at_frame >= 0)
-        std::fprintf(
-            stderr, "graupel: warning: %s diverged at frame %lld of %s; its last usable frame stands in for the rest\n",
-            result.model.c_str(), static_cast<long long>(result.diverged_at_frame), scene.name.c_str());
+        warn(fmt::format("{} diverged at frame {} of {}; its last usable frame stands in for the rest", result.model,
+                         result.diverged_at_frame, scene.name));
   }
 }
 
@@ -254,7 +260,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
 
 /// Table and files of what is there.
 void write_results(const compare::Comparison& comparison, const CompareOptions& options) {
-  print_table(comparison, options);
+  print_table(comparison);
   write_files(comparison, options);
 }
 
@@ -269,6 +275,7 @@ compare::Comparison make_comparison(const CompareOptions& options) {
 
 void run_compare(const CompareOptions& options) {
   check_outputs(options);
+  if (options.json == "-" || options.csv == "-" || options.report == "-") reserve_standard_output();
   compare::Comparison comparison;
   FloorFile measured;
   try {

@@ -16,6 +16,7 @@
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
 #include "experiments/models/trained_materials.h"
+#include "experiments/process/process.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
 #include "mpm/scene/particle_materials.h"
@@ -325,9 +326,7 @@ void SceneComparison::add_remarks(const ComparedModel& model, compare::ModelResu
   if (model.coarse)
     for (const std::string& line : model.coarse->unlike_training(task_.scene))
       lines.push_back("outside the training: " + line);
-  for (const std::string& line : lines)
-    std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", task_.scene.name.c_str(), model.choice.name.c_str(),
-                 line.c_str());
+  for (const std::string& line : lines) warn(fmt::format("{}: '{}' {}", task_.scene.name, model.choice.name, line));
   result.remarks = std::move(lines);
 }
 

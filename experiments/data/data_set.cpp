@@ -11,6 +11,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"
+#include "core/system/printable.h"
 #include "core/system/stopwatch.h"
 #include "experiments/data/scene_batches.h"
 
@@ -140,7 +141,7 @@ void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
   batches.diverged = [this](const SceneJob& job, const std::string& reason) {
     if (source_.on_divergence() == OnDivergence::redraw) return log_redraw(job, reason);
     lost_.push_back(source_.text(job) + ": " + reason);
-    std::fprintf(stderr, "generate: %s\n", lost_.back().c_str());
+    std::fprintf(stderr, "generate: %s\n", printable(lost_.back()).c_str());
   };
   const Stopwatch watch;
   run_scenes(source_, jobs, batches);
@@ -165,7 +166,8 @@ void DataSet::log_redraw(const SceneJob& job, const std::string& reason) const {
   if (!written || !closed)
     throw IoError("cannot write to '" + path + "' (" + std::strerror(errno) +
                   "). Free space on that disk, or choose a folder you may write to");
-  std::fprintf(stderr, "generate: %s diverged and is redrawn (%s)\n", source_.text(job).c_str(), reason.c_str());
+  std::fprintf(stderr, "generate: %s diverged and is redrawn (%s)\n", source_.text(job).c_str(),
+               printable(reason).c_str());
 }
 
 /// Whether the split is whole.

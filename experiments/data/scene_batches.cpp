@@ -1,8 +1,6 @@
 #include "experiments/data/scene_batches.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
-
 #include <atomic>
 #include <chrono>
 #include <deque>
@@ -15,6 +13,7 @@
 
 #include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
+#include "core/system/unfinished_file.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "io/scene/scene_reader.h"
@@ -33,17 +32,11 @@ class SceneFile {
  public:
   SceneFile(std::string path, Trajectory header, const io::TrajectoryWriteOptions& write)
       : path_(std::move(path)), header_(std::move(header)), write_(write) {}
-  ~SceneFile() {
-    if (!writer_) return;
-    writer_.reset();
-    ::unlink((path_ + ".part").c_str());
-  }
-  SceneFile(const SceneFile&) = delete;
-  SceneFile& operator=(const SceneFile&) = delete;
 
   void append(const ParticleFrame& frame, const SceneSource& source, const SceneJob& job) {
     if (!writer_) {
       writer_ = std::make_unique<io::TrajectoryWriter>(path_, header_, write_);
+      part_.emplace(path_ + ".part");
       writer_->attribute("recipe", source.name());
       writer_->attribute("recipe_seed", std::to_string(source.seed()));
       writer_->parameters(source.parameters(job));
@@ -53,10 +46,12 @@ class SceneFile {
   void finish() {
     writer_->finish();
     writer_.reset();
+    part_->keep();
   }
 
  private:
   std::string path_;
+  std::optional<UnfinishedFile> part_;  ///< once it is there and ours
   Trajectory header_;
   io::TrajectoryWriteOptions write_;
   std::unique_ptr<io::TrajectoryWriter> writer_;
@@ -128,6 +123,7 @@ void SceneRunner::work() {
   set_num_threads(worker_threads_);  // of this thread alone
   for (Jobs jobs = take(); !jobs.empty(); jobs = take()) try {
       run_batch(jobs);
+    } catch (const StoppedError&) {  // take() has no more jobs
     } catch (...) {
       const std::lock_guard hold(lock_);
       if (!failure_) failure_ = std::current_exception();
@@ -199,11 +195,9 @@ void SceneRunner::run_batch(const Jobs& jobs) {
     scenes.clear();
     if (!advance(*batch, jobs, files, writing)) return;
     if (const int64_t missed = batch->statistics().loads_without_carriers; missed > 0)
-      std::fprintf(
-          stderr,
-          "graupel: warning: %lld loads of %s%s began where there was no matter that can move, and did nothing\n",
-          static_cast<long long>(missed), source_.text(jobs.front()).c_str(),
-          jobs.size() > 1 ? fmt::format(" and {} more", jobs.size() - 1).c_str() : "");
+      warn(fmt::format("{} loads of {}{} began where there was no matter that can move, and did nothing", missed,
+                       source_.text(jobs.front()),
+                       jobs.size() > 1 ? fmt::format(" and {} more", jobs.size() - 1) : ""));
     for (int i = 0; i < batch->scene_count(); ++i) {
       divergence.push_back(batch->divergence(i));
       usable.push_back(!divergence.back());

@@ -4,17 +4,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "compare/metrics/particle_run.h"
 #include "compare/pictures/png.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/output_files.h"
 #include "experiments/export/film.h"
 #include "experiments/export/frame_range.h"
 #include "experiments/export/run_pictures.h"
-#include "experiments/process/outputs.h"
+#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "io/export/export.h"
@@ -131,7 +134,6 @@ class PictureSink : public Sink {
     pictures_ = std::make_unique<RunPictures>(*stored.scene, target.point_size, request.width, request.height);
   }
   void write(int64_t frame, const io::PointFrame& points) override {
-    io::check_finite(frame, points);
     const compare::Image picture = pictures_->draw(frame, points);
     if (film_)
       film_->add(picture);
@@ -166,8 +168,14 @@ std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTa
   return std::make_unique<PointSink>(request.format, target);
 }
 
+struct ExportResult {
+  std::string folder;
+  int64_t frames = 0, particles = 0;  ///< frames written, particles of the trajectory
+};
+
 /// Forces on obstacles and walls, one file for all frames.
-ExportResult export_forces(const ExportRequest& request, const io::TrajectoryReader& reader, const Trajectory& header) {
+ExportResult export_forces(const ExportRequest& request, const std::string& json, const io::TrajectoryReader& reader,
+                           const Trajectory& header) {
   io::ForceTable table;
   table.names = reader.contact_names(request.trajectory);
   table.forces = reader.contact_forces(request.trajectory);
@@ -178,7 +186,7 @@ ExportResult export_forces(const ExportRequest& request, const io::TrajectoryRea
   const std::string stem = std::filesystem::path(request.input).stem().string();
   const std::string file = request.folder.empty() ? stem + "_forces.csv" : request.folder;
   check_output_file(file);
-  check_apart({{"the trajectory", request.input}}, {{"--output", file}});
+  check_inputs_kept({{"the trajectory", request.input}}, {{"--output", file}, {"--json", json}});
   io::export_forces(table, file);
   return {file, static_cast<int64_t>(table.times.size()), static_cast<int64_t>(header.particle_count())};
 }
@@ -201,7 +209,10 @@ std::vector<std::string> export_formats() {
   return formats;
 }
 
-ExportResult export_trajectory(const ExportRequest& request) {
+namespace {
+
+/// `json`: another output.
+ExportResult export_trajectory(const ExportRequest& request, const std::string& json) {
   check_format(request);
   const io::TrajectoryReader reader(request.input);
   if (request.trajectory < 0 || request.trajectory >= reader.count())
@@ -210,7 +221,7 @@ ExportResult export_trajectory(const ExportRequest& request) {
   const Trajectory header = reader.header(request.trajectory);
   const auto frame_count = static_cast<int64_t>(header.frame_count());
   if (frame_count == 0) throw ConfigError("'" + request.input + "' has no frames (0). Export another trajectory");
-  if (request.format == force_format) return export_forces(request, reader, header);
+  if (request.format == force_format) return export_forces(request, json, reader, header);
   const std::vector<int64_t> frames = parse_frame_range(request.frames, frame_count, request.input);
   const StoredScene stored = stored_scene(header.scene_json, request.input);
 
@@ -222,18 +233,37 @@ ExportResult export_trajectory(const ExportRequest& request) {
     target.point_size = widest_spacing(*stored.scene);
     target.up_axis = compare::vertical_axis(stored.scene->gravity) == 2 ? 'Z' : 'Y';
   }
+  const NamedFile input = {"the trajectory", request.input};
+  check_inputs_kept({input}, {{"--json", json}});
+  check_apart_from_series(files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
   const std::unique_ptr<Sink> sink = make_sink(request, target, stored);
   const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
   Progress progress("export", static_cast<int64_t>(frames.size()));
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const std::vector<ParticleFrame> read = reader.frames(request.trajectory, frames[k], 1, fields);
-    sink->write(frames[k], io::points_of(header.particle_type, read.front()));
-    progress.update(static_cast<int64_t>(k) + 1);
     stop_if_interrupted("; the frames before are in '" + target.folder + "'");
+    const io::PointFrame points = io::points_of(header.particle_type, read.front());
+    io::check_finite(frames[k], points);
+    sink->write(frames[k], points);
+    progress.update(static_cast<int64_t>(k) + 1);
   }
+  stop_if_interrupted("; the frames are in '" + target.folder + "'");
   sink->finish();
   progress.done();
   return {target.folder, static_cast<int64_t>(frames.size()), static_cast<int64_t>(header.particle_count())};
+}
+
+}  // namespace
+
+void run_export(const ExportRequest& request, CommonOptions& common) {
+  common.apply();
+  const ExportResult result = export_trajectory(request, common.json);
+  std::fprintf(stderr, "%s: %lld frames of %lld particles as .%s\n", result.folder.c_str(),
+               static_cast<long long>(result.frames), static_cast<long long>(result.particles), request.format.c_str());
+  common.write_json({{"output", result.folder},
+                     {"format", request.format},
+                     {"frames", result.frames},
+                     {"particles", result.particles}});
 }
 
 }  // namespace graupel::experiments

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/process/common_options.h"
+
 namespace graupel::experiments {
 
 struct ExportRequest {
@@ -25,12 +27,8 @@ struct ExportRequest {
 /// Of particles, of surfaces, of pictures and of forces (csv), without repetitions.
 std::vector<std::string> export_formats();
 
-struct ExportResult {
-  std::string folder;
-  int64_t frames = 0, particles = 0;  ///< frames written, particles of the trajectory
-};
-/// Progress goes to standard error. Throws ConfigError, InputError, IoError, DivergedError; Ctrl-C ends it between two
-/// frames.
-ExportResult export_trajectory(const ExportRequest& request);
+/// Progress goes to standard error, what was written also to --json. Throws ConfigError, InputError, IoError,
+/// DivergedError; Ctrl-C ends it between two frames.
+void run_export(const ExportRequest& request, CommonOptions& common);
 
 }  // namespace graupel::experiments

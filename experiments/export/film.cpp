@@ -67,7 +67,7 @@ Film::Film(const std::string& path, const std::string& format, double rate, int 
         size, std::string("-r"), io::number_text(rate), std::string("-i"), std::string("pipe:0")})
     words.push_back(word);
   for (const std::string& word : encoder_of(format)) words.push_back(word);
-  words.push_back("file:" + part_);
+  words.push_back("file:" + part_.path());
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0)
     throw Error(ExitCode::failed, std::string("no pipe to ffmpeg could be made (") + std::strerror(errno) + ")");
@@ -81,7 +81,7 @@ Film::Film(const std::string& path, const std::string& format, double rate, int 
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     ::signal(SIGINT, SIG_IGN);  // Ctrl-C reaches the whole group; the film ends with the pictures
     ::dup2(ends[0], STDIN_FILENO);
-    const int log = ::open(log_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    const int log = ::open(log_.path().c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     if (log >= 0) {
       ::dup2(log, STDOUT_FILENO);
       ::dup2(log, STDERR_FILENO);
@@ -101,12 +101,10 @@ Film::~Film() {
     ::waitpid(process_, nullptr, 0);
   }
   ::signal(SIGPIPE, sigpipe_before_);
-  remove_path(part_);
-  remove_path(log_);
 }
 
 void Film::fail() {
-  const std::string said = last_line(log_);
+  const std::string said = last_line(log_.path());
   throw IoError("ffmpeg did not write '" + path_ + "' (" + (said.empty() ? "it said nothing" : said) +
                 "). Free space there, choose another folder, or --format png for single pictures");
 }
@@ -131,6 +129,7 @@ void Film::finish() {
   process_ = -1;
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) fail();
   finish_part_file(path_);
+  part_.keep();
 }
 
 }  // namespace graupel::experiments

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "compare/pictures/image.h"
+#include "core/system/unfinished_file.h"
 
 namespace graupel::experiments {
 
@@ -28,7 +29,8 @@ class Film {
  private:
   [[noreturn]] void fail();
 
-  std::string path_, part_, log_;
+  std::string path_;
+  UnfinishedFile part_, log_;
   pid_t process_ = -1;
   int pictures_ = -1;  ///< file descriptor that ffmpeg reads from
   void (*sigpipe_before_)(int) = nullptr;

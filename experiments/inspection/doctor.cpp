@@ -191,7 +191,6 @@ void doctor(CommonOptions& options) {
   for (const MachineFact& fact : report.facts) result["facts"][fact.name] = fact.value;
   result["hints"] = report.hints;
   options.write_json(result);
-  if (options.json == "-") return;
   for (const MachineFact& fact : report.facts) std::printf("%-30s %s\n", fact.name.c_str(), fact.value.c_str());
   for (const std::string& hint : report.hints) std::printf("\nhint: %s\n", hint.c_str());
   if (report.hints.empty()) std::printf("\nnothing here makes runs slow\n");

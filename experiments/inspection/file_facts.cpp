@@ -1,13 +1,18 @@
 #include "experiments/inspection/file_facts.h"
 
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "io/scene/category_reader.h"
+#include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "io/scene/sweep_reader.h"
 #include "io/trajectory/state_file.h"
 #include "io/trajectory/trajectory_file.h"
+#include "mpm/simulation.h"
 #include "nn/weights.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
@@ -37,6 +42,7 @@ Json scene_facts(const std::string& file) {
   const Scene scene = io::read_scene(file);
   const sparsegrid::ObstacleSet obstacles(scene);
   const sparsegrid::CellNormals normals(scene, obstacles);
+  const mpm::Estimate run = mpm::estimate(scene, {.seed = scene.seed});  // refuses what simulate refuses
   Json grids = Json::array();
   for (int i = 0; i < obstacles.count(); ++i) grids.push_back(grid_json(obstacles.facts(i)));
   return {{"kind", "scene"},
@@ -44,6 +50,8 @@ Json scene_facts(const std::string& file) {
           {"description", scene.description},
           {"materials", scene.materials.size()},
           {"sources", scene.sources.size()},
+          {"particles", run.particles},
+          {"substeps", run.substeps},
           {"frames", scene.frames},
           {"frame_time_s", scene.frame_time},
           {"dx_m", scene.domain.dx},
@@ -69,6 +77,41 @@ Json sweep_facts(const std::string& file) {
           {"frames", sweep.scenes.front().frames},
           {"fields", sweep.recipe.fields_stored},
           {"parameters", parameters}};
+}
+
+template <typename Recipe>
+Json recipe_facts(const Recipe& recipe) {
+  return {{"kind", "recipe"},
+          {"name", recipe.name},
+          {"description", recipe.description},
+          {"train", recipe.counts.train},
+          {"valid", recipe.counts.valid},
+          {"test", recipe.counts.test},
+          {"frames", recipe.frames},
+          {"frame_time_s", recipe.frame_time}};
+}
+
+Json document_facts(const std::string& file) {
+  if (io::is_sweep(file)) return sweep_facts(file);
+  if (io::is_category_recipe(file)) return recipe_facts(io::read_category_recipe(file));
+  return io::is_recipe(file) ? recipe_facts(io::read_recipe(file)) : scene_facts(file);
+}
+
+/// Of 'generate' and 'convert'.
+Json data_set_facts(const std::string& folder) {
+  const Json card = Json::parse(read_file(folder + "/dataset.json"), nullptr, false);
+  Json splits = Json::object();
+  for (const char* split : {"train", "valid", "test"}) {
+    const std::string file = folder + "/" + split + ".h5";
+    if (!std::filesystem::exists(file)) continue;
+    const io::TrajectoryReader reader(file);
+    splits[split] = {{"trajectories", reader.count()}, {"complete", reader.complete()}};
+    if (reader.count() > 0) splits[split]["frames"] = reader.header(0).frame_count();
+  }
+  Json facts = {{"kind", "data set"}, {"folder", folder}, {"splits", splits}};
+  for (const char* key : {"seed", "device", "fields", "made_by"})
+    if (card.is_object() && card.contains(key)) facts[key] = card[key];
+  return facts;
 }
 
 Json trajectory_facts(const std::string& file) {
@@ -138,15 +181,20 @@ Json vdb_facts(const std::string& file) {
 }  // namespace
 
 nlohmann::ordered_json file_facts(const std::string& file) {
+  if (!std::filesystem::exists(file)) throw InputError("'" + file + "' is not there. Correct the name");
+  if (std::filesystem::exists(file + "/dataset.json")) return data_set_facts(file);
+  if (std::filesystem::is_directory(file))
+    throw ConfigError("'" + file +
+                      "' is a folder without a data set (dataset.json) and without a training run (metrics.csv). Name "
+                      "a file in it");
   if (io::is_state_file(file)) return state_facts(file);
-  if (file.ends_with(".json")) return io::is_sweep(file) ? sweep_facts(file) : scene_facts(file);
+  if (file.ends_with(".json")) return document_facts(file);
   if (file.ends_with(".h5")) return trajectory_facts(file);
   if (file.ends_with(".safetensors")) return weights_facts(file);
   if (file.ends_with(".vdb")) return vdb_facts(file);
-  throw ConfigError(
-      "'" + file +
-      "' is no saved state, no folder of a training run and has no known ending (allowed: .json scene or sweep, .h5 "
-      "trajectory, .safetensors weights, .vdb grids). Name one of these");
+  throw ConfigError("'" + file +
+                    "' is no saved state and has no known ending (allowed: .json scene or recipe, .h5 "
+                    "trajectory, .safetensors weights, .vdb grids). Name one of these");
 }
 
 }  // namespace graupel::experiments

@@ -9,8 +9,8 @@
 #include "core/system/stop_signal.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
-#include "experiments/process/outputs.h"
-#include "io/trajectory/trajectory_file.h"
+#include "experiments/process/input_files.h"
+#include "io/trajectory/recovered_file.h"
 
 namespace graupel::experiments {
 
@@ -19,11 +19,16 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// `file` is the finished name; what is on disk is `file`.part.
-Json recover(const std::string& file) {
-  const std::string whole = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
-  const int64_t frames = io::recover_part_file(whole, true);
+Json recover(const std::string& file, const InspectOptions& options) {
+  const std::string name = file.ends_with(".part") ? file.substr(0, file.size() - 5) : file;
+  const std::string whole = options.output.empty() ? name : options.output;
+  check_library_output(whole);
+  check_apart({{"what is recovered", name + ".part"}}, {{"--output", whole == name ? "" : whole}});
+  check_apart({{"what is recovered", name + ".part"}}, {{"--json", options.common.json}});
+  check_apart({}, {{"the recovered file", whole}, {"--json", options.common.json}});
+  const int64_t frames = io::recover_part_file_to(name, whole);
   if (frames == 0)
-    throw InputError("no frame of '" + whole +
+    throw InputError("no frame of '" + name +
                      ".part' could be recovered (the run was ended before its first flush). Run it again");
   return {{"kind", "recovered"}, {"file", whole}, {"frames", frames}};
 }
@@ -39,11 +44,11 @@ void print(const Json& value, int indent) {
   for (const auto& [key, item] : value.items()) {
     if (key == "tensors") continue;
     if (item.is_object() || (item.is_array() && !item.empty() && item.front().is_object())) {
-      std::printf("%*s%s:\n", indent, "", key.c_str());
+      std::printf("%*s%s:\n", indent, "", on_one_line(key).c_str());
       print(item, indent + 2);
     } else {
-      std::printf("%*s%s: %s\n", indent, "", key.c_str(),
-                  item.is_string() ? on_one_line(item.get<std::string>()).c_str() : item.dump().c_str());
+      const std::string value_text = item.is_string() ? item.get<std::string>() : item.dump();
+      std::printf("%*s%s: %s\n", indent, "", on_one_line(key).c_str(), on_one_line(value_text).c_str());
     }
   }
 }
@@ -78,11 +83,12 @@ Json inspect_runs(const InspectOptions& options) {
 }  // namespace
 
 void inspect(InspectOptions& options) {
-  if (!options.recover) release_stop_signals();
+  const StopPolicyScope policy(options.recover || !options.plots.empty() ? StopPolicy::within_a_second
+                                                                         : StopPolicy::at_once);
   options.common.apply();
   std::vector<NamedFile> files;
   for (const std::string& file : options.files) files.push_back({"the file", file});
-  check_apart(files, {{"--json", options.common.json}});
+  check_inputs_kept(files, {{"--json", options.common.json}});
   const std::string& first = options.files.front();
   const bool runs = options.files.size() > 1 || is_run_folder(first);
   if (runs && options.recover)
@@ -91,8 +97,10 @@ void inspect(InspectOptions& options) {
         (options.files.size() > 1 ? "' and others were named). Name one FILE" : "' is a training run). Leave it out"));
   if (!runs && !options.plots.empty())
     throw ConfigError("--plots is for folders of training runs ('" + first + "' is none). Leave it out");
-  const Json result = runs ? inspect_runs(options) : options.recover ? recover(first) : file_facts(first);
-  if (!runs && options.common.json != "-") print(result, 0);
+  if (!options.recover && !options.output.empty())
+    throw ConfigError("--output is for what --recover makes ('" + options.output + "'). Leave it out");
+  const Json result = runs ? inspect_runs(options) : options.recover ? recover(first, options) : file_facts(first);
+  if (!runs) print(result, 0);
   options.common.write_json(result);
 }
 

@@ -11,7 +11,7 @@ namespace graupel::experiments {
 struct InspectOptions {
   CommonOptions common;
   std::vector<std::string> files;
-  std::string plots;
+  std::string plots, output;  ///< output: of what is recovered
   bool recover = false;
 };
 

@@ -1,17 +1,23 @@
 #include "experiments/inspection/validate.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
 #include "core/system/printable.h"
+#include "core/system/stop_signal.h"
+#include "experiments/data/stored_positions.h"
 #include "experiments/inspection/file_facts.h"
-#include "experiments/process/outputs.h"
+#include "experiments/process/input_files.h"
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "io/scene/sweep_reader.h"
 #include "io/trajectory/state_file.h"
+#include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
 
@@ -27,6 +33,18 @@ std::vector<std::string> mistakes_in_json(const std::string& file) {
   return mistakes;
 }
 
+/// Numbers of a whole trajectory or data set.
+void check_frames(const std::string& file) {
+  constexpr int64_t at_once = 8;
+  const io::TrajectoryReader reader(file);
+  for (int i = 0; i < reader.count(); ++i) {
+    const auto frames = static_cast<int64_t>(reader.header(i).frame_count());
+    for (int64_t first = 0; first < frames; first += at_once)
+      check_stored_positions(reader.frames(i, first, std::min(at_once, frames - first)), first,
+                             fmt::format("'{}': trajectory {}", file, i));
+  }
+}
+
 bool has_known_ending(const std::string& file) {
   for (const char* ending : {".json", ".h5", ".safetensors", ".vdb"})
     if (file.ends_with(ending)) return true;
@@ -40,6 +58,7 @@ std::vector<std::string> mistakes_in(const std::string& file) {
   try {
     if (!state && file.ends_with(".json")) return mistakes_in_json(file);
     file_facts(file);
+    if (!state && file.ends_with(".h5")) check_frames(file);
   } catch (const Error& error) {
     if (!state && !has_known_ending(file)) throw;
     return {error.what()};
@@ -48,18 +67,17 @@ std::vector<std::string> mistakes_in(const std::string& file) {
 }
 
 void validate(ValidateOptions& options) {
+  const StopPolicyScope nothing_is_lost(StopPolicy::at_once);
   options.common.apply();
   std::vector<NamedFile> inputs;
   for (const std::string& file : options.files) inputs.push_back({"the file", file});
-  check_apart(inputs, {{"--json", options.common.json}});
+  check_inputs_kept(inputs, {{"--json", options.common.json}});
   nlohmann::ordered_json result = {{"kind", "validation"}, {"files", nlohmann::ordered_json::array()}};
   std::size_t count = 0;
-  const bool to_screen = options.common.json != "-";
   for (const std::string& file : options.files) {
     const std::vector<std::string> mistakes = mistakes_in(file);
     result["files"].push_back({{"file", file}, {"errors", mistakes}});
     count += mistakes.size();
-    if (!to_screen) continue;
     for (const std::string& mistake : mistakes) std::printf("%s\n", printable(mistake).c_str());
     if (mistakes.empty()) std::printf("%s: ok\n", file.c_str());
   }

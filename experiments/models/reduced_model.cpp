@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "experiments/models/body_points.h"
 #include "experiments/models/scene_difference.h"
+#include "experiments/process/process.h"
 #include "io/scene/scene_reader.h"
 #include "rom/solver/material_difference.h"
 
@@ -134,8 +135,7 @@ ReducedRun::ReducedRun(const LoadedModel& loaded, const Scene& scene, uint64_t s
                        const ReducedRunOptions& how)
     : parameters_(parameters_of(loaded, scene, how.foreign)) {
   const auto lines = how.outside == OutsideRange::warn ? unlike_training(loaded, scene) : std::vector<std::string>{};
-  for (const std::string& line : lines)
-    std::fprintf(stderr, "graupel: warning: %s: '%s' %s\n", scene.name.c_str(), loaded.file.c_str(), line.c_str());
+  for (const std::string& line : lines) warn(fmt::format("{}: '{}' {}", scene.name, loaded.file, line));
   mpm::PreparedScene prepared(scene, {.device = Device::cpu, .seed = seed});
   for (const int32_t material : prepared.particles.material)
     particle_type_.push_back(particle_type_of(

@@ -1,4 +1,4 @@
-// Flags that every verb takes.
+// Flags that verbs have in common.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,10 @@ struct CommonOptions {
 
   /// Adds --seed, --device, --threads, --json to a verb.
   void add_to(const Command& verb);
-  /// Sets the number of threads; returns the device. Throws ConfigError, and IoError when --json cannot be written.
+  /// Adds --threads and --json alone, to a verb that runs nothing.
+  void add_without_run_to(const Command& verb);
+  /// Sets the number of threads; returns the device. Where --json is "-" it is alone on standard output, and what is
+  /// printed goes to standard error. Throws ConfigError, and IoError when --json cannot be written.
   Device apply();
   /// Writes `result` to --json, if given ("-": standard output).
   void write_json(const nlohmann::ordered_json& result) const;

@@ -7,9 +7,11 @@ namespace graupel::experiments {
 namespace fs = std::filesystem;
 
 std::string or_installed(const std::string& folder) {
-  const fs::path program = fs::read_symlink("/proc/self/exe");
-  const fs::path installed = (program.parent_path() / "../share/graupel" / folder).lexically_normal();
-  return !fs::exists(folder) && fs::exists(installed) ? installed.string() : folder;
+  if (fs::exists(folder)) return folder;
+  const fs::path beside = fs::read_symlink("/proc/self/exe").parent_path();
+  for (const fs::path& place : {beside / "../share/graupel", beside / ".."})
+    if (const fs::path there = (place / folder).lexically_normal(); fs::exists(there)) return there.string();
+  return folder;
 }
 
 }  // namespace graupel::experiments

@@ -5,8 +5,8 @@
 
 namespace graupel::experiments {
 
-/// `folder` ("models"), where it is there, seen from here; else ../share/graupel/`folder` beside the program, where
-/// that is there; else `folder`.
+/// `folder` ("models"), where it is there, seen from here; else ../share/graupel/`folder` beside the program, or that
+/// of the sources above a build folder, where that is there; else `folder`.
 std::string or_installed(const std::string& folder);
 
 }  // namespace graupel::experiments

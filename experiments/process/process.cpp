@@ -2,21 +2,16 @@
 
 #include <unistd.h>
 
-#include <csignal>
+#include <cstdio>
 
-#include "core/system/error.h"
+#include "core/system/printable.h"
 #include "core/system/shell_words.h"
-#include "core/system/stop_signal.h"
 
 namespace graupel::experiments {
 
 bool interrupted() { return stop_signal() != 0; }
 
-void stop_if_interrupted(const std::string& what_now) {
-  if (!interrupted()) return;
-  const bool by_batch_system = stop_signal() == SIGUSR1;
-  throw Error(by_batch_system ? ExitCode{start_again_exit_code} : ExitCode::interrupted, "interrupted" + what_now);
-}
+void warn(const std::string& text) { std::fprintf(stderr, "graupel: warning: %s\n", printable(text).c_str()); }
 
 std::string command_line() { return shell_line(process_words()); }
 

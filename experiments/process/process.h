@@ -4,13 +4,15 @@
 #include <string>
 #include <vector>
 
+#include "core/system/stop_signal.h"
+
 namespace graupel::experiments {
 
 /// Whether Ctrl-C, SIGTERM or SIGUSR1 came; long loops ask after every frame and call stop_if_interrupted().
 bool interrupted();
-/// Throws Error once interrupted, with ExitCode::interrupted or, after SIGUSR1, start_again_exit_code; `what_now` ends
-/// its text: "; recover with ...".
-void stop_if_interrupted(const std::string& what_now = "");
+
+/// "graupel: warning: TEXT" on standard error, with the control characters of names made visible.
+void warn(const std::string& text);
 
 /// The command line of this process, quoted for a shell.
 std::string command_line();

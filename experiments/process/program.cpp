@@ -6,12 +6,14 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <new>
 #include <system_error>
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
 #include "core/system/printable.h"
+#include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
 #include "nn/bf16_gemm.h"
@@ -28,11 +30,30 @@ namespace {
 
 /// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two
 /// threads slower than one wherever another process wants the cores, and it reads its settings before main: so the
-/// program starts itself once more with them. A setting of the user's own is kept.
+/// program starts itself once more with them, by its own name, which ps tells. A setting of the user's own is kept.
 void limit_spinning(char** argv) {
   if (std::getenv("GOMP_SPINCOUNT") != nullptr || std::getenv("OMP_WAIT_POLICY") != nullptr) return;
   ::setenv("GOMP_SPINCOUNT", "20000", 1);
-  ::execv("/proc/self/exe", argv);  // on failure the run goes on as it is
+  std::error_code code;
+  const std::string file = std::filesystem::read_symlink("/proc/self/exe", code);
+  if (!code) ::execv(file.c_str(), argv);
+  ::execv("/proc/self/exe", argv);  // where the file was replaced since; on failure the run goes on as it is
+}
+
+int run_command(int argc, char** argv, const char* name, const char* description,
+                const std::function<void(const CommandLine&, int&)>& declare) {
+  const CommandLine program(description);
+  program.version(version_text());
+  program.require_command();
+  int exit_code = 0;
+  declare(program, exit_code);
+  catch_stop_signals(StopPolicy::within_a_second);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
+  instruction_set();              // its error, before any work
+  nn::choose_gemm_precision();
+  const int usage = program.run(argc, argv, name);
+  flush_standard_output();
+  return usage != 0 ? usage : exit_code;
 }
 
 }  // namespace
@@ -41,17 +62,7 @@ int run_program(int argc, char** argv, const char* name, const char* description
                 const std::function<void(const CommandLine&, int&)>& declare) {
   limit_spinning(argv);
   try {
-    const CommandLine program(description);
-    program.version(version_text());
-    program.require_command();
-    int exit_code = 0;
-    declare(program, exit_code);
-    catch_stop_signals();
-    std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
-    instruction_set();              // its error, before any work
-    nn::choose_gemm_precision();
-    const int usage = program.run(argc, argv, name);
-    return usage != 0 ? usage : exit_code;
+    return run_command(argc, argv, name, description, declare);
   } catch (const Error& error) {
     std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
     return static_cast<int>(error.code());

@@ -5,10 +5,12 @@
 
 #include <cstdio>
 
+#include "core/system/printable.h"
+
 namespace graupel::experiments {
 
 Progress::Progress(std::string label, int64_t total)
-    : label_(std::move(label)),
+    : label_(printable(std::move(label))),
       total_(total),
       terminal_(::isatty(STDERR_FILENO) == 1),
       start_(Clock::now()),

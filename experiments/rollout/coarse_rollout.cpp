@@ -8,6 +8,7 @@
 #include "core/system/error.h"
 #include "core/system/human_time.h"
 #include "experiments/models/coarse_run.h"
+#include "experiments/process/process.h"
 #include "experiments/rollout/rollout_input.h"
 
 namespace graupel::experiments {
@@ -15,8 +16,7 @@ namespace graupel::experiments {
 void rollout_coarse(const RolloutOptions& options, Device device) {
   const hybrid::CoarseModel model = read_coarse_model(options.weights);
   const auto [scene, seed] = scene_and_seed(options);
-  for (const std::string& line : model.unlike_training(scene))
-    std::fprintf(stderr, "graupel: warning: outside the training: %s\n", line.c_str());
+  for (const std::string& line : model.unlike_training(scene)) warn("outside the training: " + line);
   const StartState start = start_of(scene, seed);
   MpmRunOptions run{.device = device,
                     .seed = seed,

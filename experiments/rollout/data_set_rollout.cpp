@@ -12,6 +12,7 @@
 
 #include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "core/system/stopwatch.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
@@ -141,7 +142,7 @@ class DataSetRollout {
                                                    result.alone, error_of(t, start)};
   }
   void remark(const std::string& line) {
-    if (said_.insert(line).second) std::fprintf(stderr, "%s\n", line.c_str());
+    if (said_.insert(line).second) std::fprintf(stderr, "%s\n", printable(line).c_str());
   }
   void report() const;
 

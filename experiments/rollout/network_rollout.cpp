@@ -48,8 +48,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   check_start(options, history);
   RolloutStart start = rollout_start(options, history, simulator.config().material_constants);
   check_scene(start, options);
-  for (const std::string& line : remarks_on(simulator, start.scene))
-    std::fprintf(stderr, "graupel: warning: %s\n", line.c_str());
+  for (const std::string& line : remarks_on(simulator, start.scene)) warn(line);
   const graph::Environment environment(start.scene);
   graph::LearnedSimulator::RolloutOptions run = simulator_options(options, start, device);
   if (leaves_free_flight(options, start)) std::fprintf(stderr, "rollout: %s\n", free_flight_remark);

@@ -151,10 +151,9 @@ class ReducedRollout {
                    "load %s at %.4g s: %lld particles carry it, the model's motions take %.2g %% of its energy\n",
                    given.text.c_str(), run_.time(), static_cast<long long>(response.particles), 100 * response.share);
       if (!response.is_like_training())
-        std::fprintf(stderr,
-                     "graupel: warning: %s: load %s is outside the training: it drives the latents up to %.3g times as "
-                     "fast as there\n",
-                     scene_.name.c_str(), given.text.c_str(), response.speed);
+        warn(fmt::format(
+            "{}: load {} is outside the training: it drives the latents up to {:.3g} times as fast as there",
+            scene_.name, given.text, response.speed));
     }
   }
 

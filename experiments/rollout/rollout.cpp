@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include "core/system/error.h"
+#include "core/system/output_files.h"
 #include "experiments/models/model_choice.h"
-#include "experiments/process/outputs.h"
+#include "experiments/process/input_files.h"
 #include "experiments/rollout/coarse_rollout.h"
 #include "experiments/rollout/network_rollout.h"
 #include "experiments/rollout/reduced_rollout.h"
@@ -16,6 +17,9 @@ namespace {
 
 /// Flags that mean nothing for the kind of input.
 void check_flags(const RolloutOptions& options) {
+  if (options.input.ends_with(".safetensors"))
+    throw ConfigError("'" + options.weights + "' and '" + options.input +
+                      "' are in the wrong order (weights come first, then the scene or trajectory). Swap them");
   if (is_trajectory(options.input) && options.common.seed_given)
     throw ConfigError("--seed has no effect on '" + options.input +
                       "' (a trajectory's particles are given; --seed samples a scene's). Leave it out");
@@ -26,9 +30,9 @@ void check_flags(const RolloutOptions& options) {
   if (options.all && options.trajectory > 0)
     throw ConfigError("--all and --trajectory do not go together (--trajectory " + std::to_string(options.trajectory) +
                       " is one of them). Leave one out");
-  check_trajectory_output(options.output);
-  check_apart({{"the weights", options.weights}, {"the input", options.input}},
-              {{"--output", options.output}, {"--json", options.common.json}});
+  check_library_output(options.output);
+  check_inputs_kept({{"the weights", options.weights}, {"the input", options.input}},
+                    {{"--output", options.output}, {"--json", options.common.json}}, options.set);
 }
 
 /// The first flag given that only reduced-order models know; null where there is none.

@@ -98,6 +98,13 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
   start.seed = header.seed;
   start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
   const bool from_scene = options.start == "scene";
+  const auto there = static_cast<int64_t>(header.frame_count());
+  if (!from_scene && (there < history || (there == history && options.frames < 0)))
+    throw InputError(
+        fmt::format("'{}': trajectory {} holds {} frames, and --start {} takes {} before the first that is predicted. "
+                    "Give a longer "
+                    "one{}",
+                    options.input, index, there, options.start, history, there == history ? ", or --frames" : ""));
   const ParticleFrame first = reader.frames(index, 0, 1).front();
   if (materials)
     start.material = mpm::particle_materials(start.scene, header, first.position,

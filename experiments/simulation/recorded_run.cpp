@@ -8,6 +8,8 @@
 
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/printable.h"
+#include "core/system/stopwatch.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "experiments/simulation/saved_run.h"
@@ -17,6 +19,9 @@
 namespace graupel::experiments {
 
 namespace {
+
+/// A frame that may take longer keeps its first state, so that a stop need not wait for its end [s].
+constexpr double long_frame = 0.4;
 
 /// Keeps the state at which a run blew up beside its trajectory.
 void write_blowup(const std::string& output, const Trajectory& header, const mpm::Simulation& run,
@@ -58,6 +63,8 @@ RecordedRun::RecordedRun(const SimulateOptions& options, const Scene& scene, con
 }
 
 void RecordedRun::finish() {
+  // A state that is asked for is saved first: nothing else may end the run.
+  const StopPolicyScope policy(options_.save_state.empty() ? StopPolicy::within_a_second : StopPolicy::finish);
   const int64_t first = frame_;
   Progress progress(fmt::format("simulate {} ({} particles)", scene_.name, run_->particle_count()),
                     scene_.frames - first);
@@ -75,7 +82,7 @@ void RecordedRun::finish() {
 
 void RecordedRun::advance() {
   try {
-    run_->advance_frame();
+    advance_substeps();
   } catch (const DivergedError& error) {
     writer_->finish(frame_ + 1);  // the frames before are worth more than the bad state
     write_blowup(output(), header_, *run_, error.what());
@@ -86,29 +93,39 @@ void RecordedRun::advance() {
   append_frame();
 }
 
+void RecordedRun::advance_substeps() {
+  const bool keeps_state = !options_.save_state.empty();
+  const std::vector<std::byte> first =
+      keeps_state && frame_seconds_ > long_frame ? run_->save_state() : std::vector<std::byte>();
+  const Stopwatch watch;
+  while (!run_->advance_substep())
+    if (interrupted() && keeps_state == !first.empty()) stop(&first);
+  frame_seconds_ = watch.seconds();
+}
+
 void RecordedRun::append_frame() {
   writer_->append(mpm::frame_with_fields(*run_, write_.fields));
   if (options_.forces) writer_->append_forces(run_->contact_forces());
 }
 
-void RecordedRun::stop() {
+/// `state`: that of the last whole frame; null: it is the run's.
+void RecordedRun::stop(const std::vector<std::byte>* state) {
   if (options_.save_state.empty())
-    stop_if_interrupted(fmt::format(
+    throw_interrupted(fmt::format(
         "; '{0}.part' holds the frames so far, recover them with 'graupel inspect --recover {0}'", output()));
-  save(writer_->checkpoint());
-  throw Error(ExitCode::interrupted,
-              fmt::format("interrupted; '{0}' holds the state of frame {1}, go on with 'graupel simulate --resume {0}'",
-                          options_.save_state, frame_));
+  save(writer_->checkpoint(), state);
+  throw_interrupted(fmt::format("; '{0}' holds the state of frame {1}, go on with 'graupel simulate --resume {0}'",
+                                options_.save_state, frame_));
 }
 
-void RecordedRun::save(const std::vector<ParticleFrame>& recent) const {
+void RecordedRun::save(const std::vector<ParticleFrame>& recent, const std::vector<std::byte>* bytes) const {
   io::SavedRun state;
   state.version = version_text();
   state.device = options_.common.device;
   state.precision = options_.precision;
   state.seed = header_.seed;
   state.frame = frame_;
-  state.time = run_->time();
+  state.time = static_cast<double>(frame_) * scene_.frame_time;
   state.particles = static_cast<int64_t>(run_->particle_count());
   state.scene_json = header_.scene_json;
   state.output = std::filesystem::absolute(output()).lexically_normal();
@@ -117,7 +134,7 @@ void RecordedRun::save(const std::vector<ParticleFrame>& recent) const {
   state.fields = write_.fields;
   state.forces = options_.forces;
   state.recent = recent;
-  state.state = run_->save_state();
+  state.state = bytes != nullptr ? *bytes : run_->save_state();
   io::write_state_file(options_.save_state, state);
 }
 
@@ -126,20 +143,15 @@ void RecordedRun::report() const {
   const double updates =
       static_cast<double>(s.substeps - substeps_before_) * static_cast<double>(run_->particle_count());
   const double speed = s.solver_seconds > 0 ? updates / s.solver_seconds : 0;
-  std::fprintf(
-      stderr,
-      "%s: %zu particles, %lld frames, %lld substeps, %s in the solver (%.2f M particle-updates/s), %lld pushed out\n",
-      output().c_str(), run_->particle_count(), static_cast<long long>(scene_.frames),
-      static_cast<long long>(s.substeps), human_time(s.solver_seconds).c_str(), 1e-6 * speed,
-      static_cast<long long>(s.pushed_out));
+  std::fprintf(stderr, "%s: %zu particles, %lld frames, %lld substeps, %s in the solver (%.2f M particle-updates/s)\n",
+               printable(output()).c_str(), run_->particle_count(), static_cast<long long>(scene_.frames),
+               static_cast<long long>(s.substeps), human_time(s.solver_seconds).c_str(), 1e-6 * speed);
   if (s.sound_courant > 1)
-    std::fprintf(stderr,
-                 "graupel: warning: the sound CFL reached %.2f, for %.2f%% of the particles over 1 in a substep\n",
-                 s.sound_courant, 100 * s.share_over_courant);
+    warn(fmt::format("the sound CFL reached {:.2f}, for {:.2f}% of the particles over 1 in a substep", s.sound_courant,
+                     100 * s.share_over_courant));
   if (s.loads_without_carriers > 0)
-    std::fprintf(stderr,
-                 "graupel: warning: %lld of %zu loads began where there was no matter that can move, and did nothing\n",
-                 static_cast<long long>(s.loads_without_carriers), scene_.loads.size());
+    warn(fmt::format("{} of {} loads began where there was no matter that can move, and did nothing",
+                     s.loads_without_carriers, scene_.loads.size()));
   nlohmann::ordered_json result = {
       {"output", output()},
       {"particles", run_->particle_count()},

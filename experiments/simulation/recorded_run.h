@@ -32,8 +32,9 @@ class RecordedRun {
   const std::string& output() const { return options_.output; }
   void append_frame();
   void advance();
-  [[noreturn]] void stop();
-  void save(const std::vector<ParticleFrame>& recent) const;
+  void advance_substeps();
+  [[noreturn]] void stop(const std::vector<std::byte>* state = nullptr);
+  void save(const std::vector<ParticleFrame>& recent, const std::vector<std::byte>* state = nullptr) const;
 
   const SimulateOptions& options_;
   const Scene& scene_;
@@ -43,6 +44,7 @@ class RecordedRun {
   Trajectory header_;
   std::unique_ptr<io::TrajectoryWriter> writer_;
   int64_t frame_ = 0;            ///< finished ones
+  double frame_seconds_ = 1e30;  ///< that the last one took
   int64_t substeps_before_ = 0;  ///< of the run that was saved
 };
 

@@ -7,8 +7,8 @@
 
 namespace graupel::experiments {
 
-/// Prints it, and writes it to --json. Memory and time are measured: the first frame of the scene is run. Throws
-/// ConfigError, naming the scene's file, for a scene that cannot be run.
+/// Prints it, and writes it to --json. Memory and time are measured: at most 20 substeps of the scene, or half a
+/// second, are run. Throws ConfigError, naming the scene's file, for a scene that cannot be run.
 void print_run_estimate(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation);
 
 }  // namespace graupel::experiments

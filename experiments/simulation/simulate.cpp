@@ -1,11 +1,12 @@
 #include "experiments/simulation/simulate.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <vector>
 
 #include "core/system/error.h"
-#include "experiments/process/outputs.h"
+#include "core/system/output_files.h"
 #include "experiments/simulation/recorded_run.h"
 #include "experiments/simulation/run_estimate.h"
 #include "experiments/simulation/saved_run.h"
@@ -35,7 +36,9 @@ mpm::SimulationOptions simulation_options(const SimulateOptions& options, const 
 }
 
 std::string default_output(const Scene& scene) {
-  return (scene.name.empty() ? std::string("trajectory") : scene.name) + ".h5";
+  std::string name = scene.name.empty() ? "trajectory" : scene.name;
+  std::replace(name.begin(), name.end(), '/', '_');  // here, whatever a scene says
+  return name + ".h5";
 }
 
 /// Takes from the state what the user left open. Throws InputError where the two differ.
@@ -59,12 +62,23 @@ io::SavedRun take_saved_run(SimulateOptions& options) {
   return saved;
 }
 
-/// What a run reads and must not overwrite. A state may be replaced by a later one of its run.
-std::vector<NamedFile> files_of(const SimulateOptions& options, const Scene& scene) {
-  std::vector<NamedFile> files = {{"the scene", options.scene}};
-  for (const Obstacle& obstacle : scene.obstacles) files.push_back({"the geometry", obstacle.file});
-  for (const Source& source : scene.sources) files.push_back({"the geometry", source.file});
-  return files;
+/// A state may be replaced by a later one of its run, and by nothing else.
+void check_outputs(const SimulateOptions& options, const Scene& scene) {
+  check_library_output(options.output);
+  check_output_file(options.save_state);
+  if (!options.write_obstacles.empty()) check_library_output(options.write_obstacles);
+  const std::vector<NamedFile> others = {{"--output", options.output},
+                                         {"the bad state of --output", options.output + ".blowup.h5"},
+                                         {"--write-obstacles", options.write_obstacles},
+                                         {"--json", options.common.json}};
+  std::vector<NamedFile> all = others;
+  all.push_back({"--save-state", options.save_state});
+  std::vector<NamedFile> inputs = {{"the scene", options.scene}};
+  for (const Obstacle& obstacle : scene.obstacles) inputs.push_back({"the geometry", obstacle.file});
+  for (const Source& source : scene.sources) inputs.push_back({"the geometry", source.file});
+  for (const Emitter& emitter : scene.emitters) inputs.push_back({"the geometry", emitter.file});
+  check_apart(inputs, all);
+  check_apart({{"the state", options.resume}}, others);
 }
 
 void check_flags(const SimulateOptions& options) {
@@ -93,14 +107,12 @@ void simulate(SimulateOptions& options) {
   const Scene scene =
       saved ? scene_of(*saved, options.resume, options.scene, options.set) : io::read_scene(options.scene, options.set);
   const auto simulation = simulation_options(options, scene, device);
-  if (options.dry_run) return print_run_estimate(options, scene, simulation);
+  if (options.dry_run) {
+    check_apart({{"the scene", options.scene}, {"the state", options.resume}}, {{"--json", options.common.json}});
+    return print_run_estimate(options, scene, simulation);
+  }
   if (options.output.empty()) options.output = default_output(scene);
-  check_trajectory_output(options.output);
-  for (const std::string& file : {options.write_obstacles, options.save_state}) check_output_file(file);
-  check_apart(files_of(options, scene), {{"--output", options.output},
-                                         {"--save-state", options.save_state},
-                                         {"--write-obstacles", options.write_obstacles},
-                                         {"--json", options.common.json}});
+  check_outputs(options, scene);
   RecordedRun run(options, scene, simulation, saved);
   run.finish();
   run.report();

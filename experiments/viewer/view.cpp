@@ -11,6 +11,8 @@
 
 #include "core/system/error.h"
 #include "core/system/printable.h"
+#include "core/system/standard_output.h"
+#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
 #include "experiments/viewer/live_source.h"
 #include "experiments/viewer/recorded_source.h"
@@ -79,11 +81,14 @@ std::vector<std::string> Viewer::notes() const {
 
 void view(ViewOptions& options) {
   const Device device = options.common.apply();
+  std::vector<NamedFile> inputs;
+  for (const std::string& file : options.files) inputs.push_back({"the file", file});
+  check_inputs_kept(inputs, {{"--json", options.common.json}}, options.set);
   const Viewer viewer(options, device);
   for (const std::string& note : viewer.notes()) std::fprintf(stderr, "graupel: note: %s\n", printable(note).c_str());
   options.common.write_json({{"address", viewer.address()}});
   std::printf("%s\n", viewer.address().c_str());
-  std::fflush(stdout);
+  flush_standard_output();
   std::fprintf(stderr, "Open this address in a browser of this machine. Ctrl-C ends the viewer\n");
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
 }

@@ -73,31 +73,23 @@ std::string usda_extent(const std::vector<Vec3f>& position, double margin) {
   return array_text(std::vector<Vec3f>{low - around, high + around});
 }
 
+UsdaPrim::Attribute::Attribute(std::string name, std::string about, const std::string& path)
+    : declaration(std::move(name)), metadata(std::move(about)), file(path), stream(open_to_write(path)) {}
+
 void UsdaPrim::sample(const std::string& declaration, int64_t frame, const std::string& value,
                       const std::string& metadata) {
   auto attribute = std::find_if(attributes_.begin(), attributes_.end(),
                                 [&](const Attribute& one) { return one.declaration == declaration; });
   if (attribute == attributes_.end()) {
-    const std::string file = files_ + std::to_string(attributes_.size()) + ".part";
-    attributes_.push_back({declaration, metadata, file, open_to_write(file)});
+    attributes_.emplace_back(declaration, metadata, files_ + std::to_string(attributes_.size()) + ".part");
     attribute = std::prev(attributes_.end());
   }
   attribute->stream << "            " << frame << ": " << value << ",\n";
-  if (!attribute->stream.flush()) fail_to_write(attribute->file);
+  if (!attribute->stream.flush()) fail_to_write(attribute->file.path());
 }
 
 UsdaLayer::UsdaLayer(const ExportTarget& target) : target_(target), path_(target.folder + "/" + target.name + ".usda") {
   prepare_export(target);
-}
-
-UsdaLayer::~UsdaLayer() {
-  remove_samples();
-  remove_path(path_ + ".part");
-}
-
-void UsdaLayer::remove_samples() const {
-  for (const auto& prim : prims_)
-    for (const UsdaPrim::Attribute& attribute : prim->attributes_) remove_path(attribute.file);
 }
 
 UsdaPrim& UsdaLayer::prim(const std::string& type, const std::string& name) {
@@ -122,7 +114,8 @@ std::string UsdaLayer::header() const {
 }
 
 void UsdaLayer::finish() {
-  std::ofstream out = open_to_write(path_ + ".part");
+  UnfinishedFile part(path_ + ".part");
+  std::ofstream out = open_to_write(part.path());
   out << header();
   for (const auto& prim : prims_) {
     out << "    def " << prim->type_ << " \"" << prim->name_ << "\"\n    {\n" << prim->constants_;
@@ -131,7 +124,7 @@ void UsdaLayer::finish() {
       if (!attribute.metadata.empty())
         out << "        " << attribute.declaration << " (\n            " << attribute.metadata << "\n        )\n";
       out << "        " << attribute.declaration << ".timeSamples = {\n"
-          << std::ifstream(attribute.file, std::ios::binary).rdbuf() << "        }\n";
+          << std::ifstream(attribute.file.path(), std::ios::binary).rdbuf() << "        }\n";
     }
     out << "    }\n";
   }
@@ -139,7 +132,8 @@ void UsdaLayer::finish() {
   out.close();
   if (!out) fail_to_write(path_);
   finish_part_file(path_);
-  remove_samples();
+  part.keep();
+  prims_.clear();  // with the files of their samples
 }
 
 }  // namespace graupel::io

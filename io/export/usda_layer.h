@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/unfinished_file.h"
 #include "io/export/export.h"
 
 namespace graupel::io {
@@ -32,7 +33,9 @@ class UsdaPrim {
  private:
   friend class UsdaLayer;
   struct Attribute {
-    std::string declaration, metadata, file;
+    Attribute(std::string name, std::string about, const std::string& path);
+    std::string declaration, metadata;
+    UnfinishedFile file;  ///< its samples
     std::ofstream stream;
   };
   UsdaPrim(std::string type, std::string name, std::string files)
@@ -46,12 +49,10 @@ class UsdaLayer {
  public:
   /// Makes the folder; the layer is <folder>/<name>.usda.
   explicit UsdaLayer(const ExportTarget& target);
-  /// Removes what is not finished.
-  ~UsdaLayer();
   UsdaLayer(const UsdaLayer&) = delete;
   UsdaLayer& operator=(const UsdaLayer&) = delete;
 
-  /// A child of the root, "Points" or "Mesh". It lives as long as the layer.
+  /// A child of the root, "Points" or "Mesh". It lives until finish().
   UsdaPrim& prim(const std::string& type, const std::string& name);
   /// The range of time codes grows by this frame.
   void cover(int64_t frame);
@@ -60,7 +61,6 @@ class UsdaLayer {
 
  private:
   std::string header() const;
-  void remove_samples() const;
 
   ExportTarget target_;
   std::string path_;

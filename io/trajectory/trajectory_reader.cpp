@@ -1,5 +1,6 @@
 // Reads trajectories and data sets, and distrusts every number in the file.
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 
@@ -132,6 +133,10 @@ std::vector<double> TrajectoryReader::Impl::read_times(hid_t group, hsize_t fram
   const hdf5::Dataset dataset = hdf5::open_dataset(group, "time", 1, hdf5::NumberKind::real, file_size);
   if (dataset.size[0] != frames) throw hdf5::Failure("'time' and 'position' have different numbers of frames");
   if (frames > 0) dataset.read_rows(0, frames, hdf5::Element::float64, times.data());
+  for (hsize_t k = 0; k < frames; ++k)
+    if (!std::isfinite(times[k]) || (k > 0 && times[k] < times[k - 1]))
+      throw hdf5::Failure("the time of frame " + std::to_string(k) + " is " + std::to_string(times[k]) +
+                          " s (allowed: finite, not before that of the frame before)");
   return times;
 }
 

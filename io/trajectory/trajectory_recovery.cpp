@@ -4,8 +4,10 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"
+#include "core/system/unfinished_file.h"
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/trajectory/part_file.h"
+#include "io/trajectory/recovered_file.h"
 #include "io/trajectory/trajectory_file.h"
 #include "io/trajectory/trajectory_layout.h"
 #include "io/trajectory/unfinished_trajectory.h"
@@ -34,12 +36,9 @@ void write_usable(const UnfinishedTrajectory& part, const std::string& path) {
 
 /// The same; where that fails, the frames are still in the part file and nothing of the new one stays.
 void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
-  try {
-    write_usable(part, path);
-  } catch (...) {
-    remove_path(path + ".part");
-    throw;
-  }
+  UnfinishedFile aside(path + ".part");
+  write_usable(part, path);
+  aside.keep();
 }
 
 void merge_into(hid_t out, const std::string& part, int64_t number) {
@@ -72,9 +71,8 @@ void write_merged(hid_t out, const std::vector<std::string>& parts) {
   hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
 }
 
-}  // namespace
-
-int64_t recover_part_file(const std::string& path, bool finish) {
+/// `whole`: the file to make; "": none, the frames are counted.
+int64_t recover(const std::string& path, const std::string& whole) {
   const std::string part_path = path + ".part";
   if (!fs::is_regular_file(part_path))
     throw InputError("there is no '" + part_path + "' to recover. Name the file the killed run was to write");
@@ -86,15 +84,23 @@ int64_t recover_part_file(const std::string& path, bool finish) {
   try {
     const UnfinishedTrajectory part(part_path);
     usable = for_usable_frames(part, [](const ParticleFrame&) {});
-    if (usable == 0 || !finish) return usable;
-    rewrite(part, path + ".recovered");
+    if (usable == 0 || whole.empty()) return usable;
+    rewrite(part, whole + ".recovered");
   } catch (const hdf5::Failure& failure) {
     throw InputError("cannot recover '" + part_path + "' (" + failure.what() +
                      "). It is damaged or of another kind; run it again");
   }
-  replace_file(path + ".recovered", path);
-  remove_path(part_path);
+  replace_file(whole + ".recovered", whole);
+  if (whole == path) remove_path(part_path);
   return usable;
+}
+
+}  // namespace
+
+int64_t recover_part_file(const std::string& path, bool finish) { return recover(path, finish ? path : ""); }
+
+int64_t recover_part_file_to(const std::string& path, const std::string& destination) {
+  return recover(path, destination);
 }
 
 void merge_trajectories(const std::vector<std::string>& parts, const std::string& path) {
@@ -108,14 +114,10 @@ void merge_trajectories(const std::vector<std::string>& parts, const std::string
   hdf5::Handle out;
   try {
     out = create_part_file(path + ".part");
-    try {
-      write_merged(out, parts);
-      finish_part_file(out, path);
-    } catch (...) {
-      out = {};
-      remove_path(path + ".part");  // of no use to anyone: the trajectories are all there
-      throw;
-    }
+    UnfinishedFile part(path + ".part");  // of no use to anyone: the trajectories are all there
+    write_merged(out, parts);
+    finish_part_file(out, path);
+    part.keep();
   } catch (const hdf5::Failure& failure) {
     throw IoError("cannot merge " + std::to_string(parts.size()) + " trajectories into '" + path + "' (" +
                   std::to_string(bytes) + " bytes needed; " + failure.what() +

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
 #include "mpm/phases/transfer_scheme.h"
@@ -148,8 +149,7 @@ void Solver<T>::move(const SolverView<T>& v, T step, double dt) {
 
 template <typename T>
 void Solver<T>::advance_frame() {
-  while (!advance_substep()) {
-  }
+  while (!advance_substep()) give_up_if_stopped();
 }
 
 template <typename T>

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -17,6 +18,8 @@
 #include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/printable.h"
+#include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/commands/coarse_command.h"
@@ -352,6 +355,7 @@ int train_or_evaluate(Arguments& arguments) {
     return 0;
   }
   if (arguments.slurm_ranks > 0) return print_slurm_script(arguments);
+  if (arguments.json == "-") reserve_standard_output();
   set_num_threads(arguments.threads);
   catch_stop_signals();
   return arguments.evaluate.empty() ? run_training(arguments) : run_evaluation(arguments);
@@ -378,8 +382,10 @@ int run(int argc, char** argv) {
   add_crom_command(program, command_line, exit_code);
   add_coarse_command(program, command_line, exit_code);
   add_time_command(program, command_line);
-  instruction_set();  // its error, before any work
+  instruction_set();              // its error, before any work
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
   const int usage = program.run(argc, argv, "graupel-train");
+  flush_standard_output();
   return usage != 0 ? usage : exit_code;
 }
 
@@ -392,7 +398,7 @@ int main(int argc, char** argv) {
   try {
     return graupel::train::run(argc, argv);
   } catch (const graupel::Error& error) {
-    std::fprintf(stderr, "graupel-train: %s\n", error.what());
+    std::fprintf(stderr, "graupel-train: %s\n", graupel::printable(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "graupel-train: %s\n", out_of_memory);

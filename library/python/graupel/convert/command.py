@@ -67,8 +67,7 @@ def parse(arguments):
                         help="Of weights; i8: matrices of a network in 8 bits")
     parser.add_argument("--keep", metavar="NAMES", help="Of weights in i8: what stays in 16 bits, down.0.,up.0.")
     parser.add_argument("--json", default="", metavar="FILE", help="Write the result as JSON to a file, or - for standard output")
-    for name in ("--seed", "--device", "--threads"):  # every verb takes them; they change nothing here
-        parser.add_argument(name, help=argparse.SUPPRESS)
+    parser.add_argument("--threads", help=argparse.SUPPRESS)  # every verb takes it; it changes nothing here
     options = parser.parse_args(arguments)
     options.split = [name for names in options.split for name in names.split(",")]
     for name in options.split:

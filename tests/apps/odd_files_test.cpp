@@ -1,0 +1,133 @@
+// Files that are well-formed and of no use, files that are no files, and what is missing around the program.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "io/trajectory/trajectory_file.h"
+#include "tests/apps/child.h"
+
+namespace graupel::test {
+namespace {
+
+constexpr float nan = std::numeric_limits<float>::quiet_NaN();
+
+class OddFiles : public ::testing::Test {
+ protected:
+  /// A trajectory of one particle at these times; `change` may spoil a frame.
+  std::string write_run(const std::string& name, const std::vector<double>& times,
+                        const std::function<void(std::size_t, ParticleFrame&)>& change = {}) const {
+    Trajectory header;
+    header.particle_type = {5};
+    header.scene_json = small_scene();
+    io::TrajectoryWriter writer(folder_.file(name), header, {});
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      ParticleFrame frame;
+      frame.time = times[k];
+      frame.position = {{0.5f, 0.5f, 0.5f}};
+      frame.velocity = {{0, 0, 0}};
+      if (change) change(k, frame);
+      writer.append(frame);
+    }
+    writer.finish();
+    return folder_.file(name);
+  }
+
+  Folder folder_;
+};
+
+TEST_F(OddFiles, TimesThatDoNotAscend) {
+  for (const std::vector<double>& times : {std::vector<double>{0, 0.1, 0.05}, {0, std::nan(""), 1}}) {
+    const std::string run = write_run("a.h5", times);
+    for (const std::string& verb : {std::string("inspect "), "export -o " + folder_.file("e") + " "}) {
+      const Outcome outcome = graupel(verb + run);
+      EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+      EXPECT_TRUE(outcome.says("the time of frame ")) << outcome.output;
+    }
+  }
+}
+
+TEST_F(OddFiles, NumbersThatAreNoneAreNotExported) {
+  const std::string place = write_run("x.h5", {0, 0.1}, [](std::size_t k, ParticleFrame& frame) {
+    if (k == 1) frame.position[0][2] = nan;
+  });
+  const std::string speed = write_run("v.h5", {0, 0.1}, [](std::size_t k, ParticleFrame& frame) {
+    if (k == 1) frame.velocity[0][0] = nan;
+  });
+  for (const char* format : {"vtp", "ply", "bgeo", "usda", "vdb"})
+    for (const std::string& run : {place, speed}) {
+      const Outcome outcome = graupel("export " + run + " -f " + format + " -o " + folder_.file(format));
+      EXPECT_EQ(outcome.exit_code, 4) << format << "\n" << outcome.output;
+      EXPECT_TRUE(outcome.says("frame 1") && outcome.says("not finite")) << outcome.output;
+    }
+  const Outcome outcome = graupel("validate " + place);
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+  EXPECT_TRUE(outcome.says("frame 1, particle 0: z = nan")) << outcome.output;
+}
+
+TEST_F(OddFiles, TrajectoriesThatAreTooShortToStartFrom) {
+  const std::string rollout = "rollout models/hgn.safetensors ", start = " --start truth:6 -o " + folder_.file("b.h5");
+  for (const std::vector<double>& times : {std::vector<double>{}, {0}, {0, 1, 2}, {0, 1, 2, 3, 4, 5}}) {
+    const Outcome outcome = graupel(rollout + write_run("a.h5", times) + start);
+    EXPECT_EQ(outcome.exit_code, 3) << times.size() << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("holds " + std::to_string(times.size()) + " frames") || outcome.says("holds no frames"))
+        << outcome.output;
+  }
+}
+
+TEST_F(OddFiles, WhatIsNoFile) {
+  for (const char* file : {"/proc/self/mem", "/proc"})
+    for (const std::string verb : {"simulate ", "rollout models/hgn.safetensors ", "validate "}) {
+      const std::string link = folder_.file("link.json");
+      std::filesystem::remove(link);
+      std::filesystem::create_symlink(file, link);
+      const Outcome outcome = graupel(verb + link);
+      EXPECT_EQ(outcome.exit_code, 3) << verb << file << "\n" << outcome.output;
+      EXPECT_TRUE(outcome.says("link.json")) << outcome.output;
+      EXPECT_FALSE(outcome.says("basic_filebuf")) << outcome.output;
+    }
+}
+
+TEST_F(OddFiles, APortInUse) {
+  const std::string run = write_run("a.h5", {0, 1});
+  const int listener = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  auto* const any = reinterpret_cast<sockaddr*>(&address);
+  ASSERT_EQ(::bind(listener, any, size), 0);
+  ASSERT_EQ(::listen(listener, 1), 0);
+  ASSERT_EQ(::getsockname(listener, any, &size), 0);
+  const std::string port = std::to_string(ntohs(address.sin_port));
+  const Outcome outcome = graupel("view " + run + " --port " + port);
+  ::close(listener);
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_TRUE(outcome.says("port " + port + " cannot be used") && outcome.says("leave --port out")) << outcome.output;
+}
+
+TEST_F(OddFiles, AFolderThatCannotBeMade) {
+  const std::string run = write_run("a.h5", {0, 1});
+  for (const char* format : {"usda", "vtp"}) {
+    const Outcome outcome = graupel("export " + run + " -f " + format + " -o " + run + "/folder");
+    EXPECT_EQ(outcome.exit_code, 5) << outcome.output;
+    EXPECT_TRUE(outcome.says(run + "/folder") && outcome.says("Choose a folder")) << outcome.output;
+  }
+}
+
+/// Libraries crash in their start-up where there is so little.
+TEST_F(OddFiles, TooLittleAddressSpace) {
+  for (const char* kilobytes : {"120000", "150000"}) {
+    const Outcome outcome = run_program(
+        "/bin/sh", std::string("-c 'ulimit -v ") + kilobytes + "; exec " GRAUPEL_BINARY_DIR "/graupel --version'");
+    EXPECT_EQ(outcome.exit_code, 1) << kilobytes << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("ulimit -v")) << outcome.output;
+  }
+}
+
+}  // namespace
+}  // namespace graupel::test
