@@ -85,15 +85,18 @@ if(GRAUPEL_NATIVE)
   list(APPEND GRAUPEL_CXX_OPTIONS -march=native)
 endif()
 
-# Sanitizers (./run sanitize): everything of this tree is compiled with them, the libraries of the system are not.
+# Sanitizers (./run sanitize) and counts of lines (./run coverage): everything of this tree is compiled with them, the
+# libraries of the system are not.
 # Presets switch GRAUPEL_WERROR off: with their checks in the code the compiler warns of what is not there.
-set(GRAUPEL_SANITIZE "" CACHE STRING "Sanitizers: address (with undefined), thread, or none")
+set(GRAUPEL_SANITIZE "" CACHE STRING "address (with undefined), thread, coverage, or nothing")
 if(GRAUPEL_SANITIZE STREQUAL "address")
   set(sanitizers -fsanitize=address,undefined -fsanitize-recover=address,undefined -D_GLIBCXX_ASSERTIONS)
 elseif(GRAUPEL_SANITIZE STREQUAL "thread")
-  set(sanitizers -fsanitize=thread -Wno-tsan)
+  set(sanitizers -fsanitize=thread -Wno-tsan -DEIGEN_DONT_PARALLELIZE) # OpenMP's barriers are not seen
+elseif(GRAUPEL_SANITIZE STREQUAL "coverage")
+  set(sanitizers --coverage -fprofile-update=atomic)
 elseif(GRAUPEL_SANITIZE)
-  message(FATAL_ERROR "GRAUPEL_SANITIZE is '${GRAUPEL_SANITIZE}' (allowed: address, thread, or nothing)")
+  message(FATAL_ERROR "GRAUPEL_SANITIZE is '${GRAUPEL_SANITIZE}' (allowed: address, thread, coverage, or nothing)")
 endif()
 if(GRAUPEL_SANITIZE)
   add_compile_options(${sanitizers} -O1 -g1 -fno-omit-frame-pointer)

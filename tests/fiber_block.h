@@ -4,6 +4,9 @@
 #pragma once
 
 #include <ucontext.h>
+#ifdef __SANITIZE_THREAD__
+#include <sanitizer/tsan_interface.h>
+#endif
 
 #include <cmath>
 #include <cstdint>
@@ -17,6 +20,26 @@
 namespace graupel {
 
 class FiberBlock;
+
+/// What ThreadSanitizer knows of a fiber; nothing in other builds.
+class FiberIdentity {
+ public:
+#ifdef __SANITIZE_THREAD__
+  static FiberIdentity of_this_thread() { return FiberIdentity(__tsan_get_current_fiber()); }
+  static FiberIdentity make() { return FiberIdentity(__tsan_create_fiber(0)); }
+  void destroy() { __tsan_destroy_fiber(fiber_); }
+  void before_switch() const { __tsan_switch_to_fiber(fiber_, 0); }
+
+ private:
+  explicit FiberIdentity(void* fiber) : fiber_(fiber) {}
+  void* fiber_;
+#else
+  static FiberIdentity of_this_thread() { return {}; }
+  static FiberIdentity make() { return {}; }
+  void destroy() {}
+  void before_switch() const {}
+#endif
+};
 
 /// Plain arithmetic for atomics: fibers are never interrupted.
 struct FiberAtomics {
@@ -80,6 +103,11 @@ class FiberBlock {
   explicit FiberBlock(int threads) : fibers_(static_cast<std::size_t>(threads)) {
     for (Fiber& fiber : fibers_) fiber.stack.reset(new char[stack_bytes]);  // not cleared: few of its pages are touched
   }
+  ~FiberBlock() {
+    for (Fiber& fiber : fibers_) fiber.identity.destroy();
+  }
+  FiberBlock(const FiberBlock&) = delete;
+  FiberBlock& operator=(const FiberBlock&) = delete;
   int index() const { return index_; }
   int threads() const { return static_cast<int>(fibers_.size()); }
   int blocks() const { return blocks_; }
@@ -95,6 +123,7 @@ class FiberBlock {
     index_ = index;
     blocks_ = blocks;
     kernel_ = &kernel;
+    scheduler_identity_ = FiberIdentity::of_this_thread();
     for (std::size_t t = 0; t < fibers_.size(); ++t) start(t);
   }
   /// Runs every thread that can to its next barrier or pause; whether all have ended.
@@ -120,6 +149,7 @@ class FiberBlock {
   void wait(int thread, State state) {
     Fiber& fiber = fibers_[static_cast<std::size_t>(thread)];
     fiber.state = state;
+    scheduler_identity_.before_switch();
     swapcontext(&fiber.context, &scheduler_);
   }
   uint32_t ballot(int thread, bool yes) {
@@ -142,8 +172,13 @@ class FiberBlock {
   }
 
  private:
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+  static constexpr std::size_t stack_bytes = 1024 * 1024;  // their functions have large frames
+#else
   static constexpr std::size_t stack_bytes = 128 * 1024;
+#endif
   struct Fiber {
+    FiberIdentity identity = FiberIdentity::make();
     std::unique_ptr<char[]> stack;
     ucontext_t context;
     State state = State::ready;
@@ -155,6 +190,7 @@ class FiberBlock {
     auto* self = reinterpret_cast<FiberBlock*>((static_cast<uintptr_t>(high) << 32) | low);
     (*self->kernel_)(FiberThread(*self, static_cast<int>(thread)));
     self->fibers_[thread].state = State::done;
+    self->scheduler_identity_.before_switch();
     swapcontext(&self->fibers_[thread].context, &self->scheduler_);
   }
   void start(std::size_t t) {
@@ -168,7 +204,10 @@ class FiberBlock {
     makecontext(&fiber.context, reinterpret_cast<void (*)()>(enter), 3, static_cast<unsigned>(self),
                 static_cast<unsigned>(self >> 32), static_cast<unsigned>(t));
   }
-  void resume(std::size_t t) { swapcontext(&scheduler_, &fibers_[t].context); }
+  void resume(std::size_t t) {
+    fibers_[t].identity.before_switch();
+    swapcontext(&scheduler_, &fibers_[t].context);
+  }
   bool all(std::size_t begin, std::size_t end, State state) const {
     for (std::size_t t = begin; t < end; ++t)
       if (fibers_[t].state != state) return false;
@@ -193,6 +232,7 @@ class FiberBlock {
 
   std::vector<Fiber> fibers_;
   ucontext_t scheduler_;
+  FiberIdentity scheduler_identity_ = FiberIdentity::of_this_thread();
   const Kernel* kernel_ = nullptr;
   int index_ = 0, blocks_ = 1;
 };

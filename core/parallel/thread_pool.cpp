@@ -1,6 +1,7 @@
 #include "core/parallel/thread_pool.h"
 
 #include <omp.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
@@ -25,6 +26,11 @@ struct InRegion {
   explicit InRegion(int slot) { slot_in_region = slot; }
   ~InRegion() { slot_in_region = -1; }
 };
+
+#ifdef GRAUPEL_THREAD_SANITIZER
+/// OpenVDB's loops, which run on oneTBB, have one thread.
+const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
+#endif
 
 /// Arenas are never destroyed: a worker may still be in one when the program ends.
 tbb::task_arena& arena_of(int threads) {

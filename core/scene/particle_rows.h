@@ -20,6 +20,7 @@ std::vector<T> particle_rows(const std::vector<T>& all, const std::vector<Index>
 template <typename T, typename Index>
 std::vector<std::vector<T>> frame_rows(const std::vector<std::vector<T>>& frames, const std::vector<Index>& chosen) {
   std::vector<std::vector<T>> rows;
+  rows.reserve(frames.size());
   for (const std::vector<T>& frame : frames) rows.push_back(particle_rows(frame, chosen));
   return rows;
 }

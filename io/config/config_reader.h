@@ -39,6 +39,7 @@ struct ConfigStart {
 template <ConfigEnum E>
 std::vector<std::string_view> enum_words() {
   std::vector<std::string_view> words;
+  words.reserve(std::size(EnumWords<E>::words));
   for (const auto& [word, value] : EnumWords<E>::words) words.push_back(word);
   return words;
 }

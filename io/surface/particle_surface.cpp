@@ -87,9 +87,10 @@ double inward_offset(const SurfaceSettings& s) {
 /// body that is full of particles a corner has eight within a radius and a spacing.
 std::vector<Vec3f> lost_drops(const FloatGrid& grid, const std::vector<Vec3f>& position, const NearParticles& near,
                               double drop) {
-  constexpr int of_a_body = 7;  ///< with itself
-  const openvdb::tools::GridSampler<FloatGrid::ConstAccessor, openvdb::tools::BoxSampler> distance(
-      grid.getConstAccessor(), grid.transform());
+  constexpr int of_a_body = 7;                                        ///< with itself
+  const FloatGrid::ConstAccessor accessor = grid.getConstAccessor();  // the sampler keeps a reference to it
+  const openvdb::tools::GridSampler<FloatGrid::ConstAccessor, openvdb::tools::BoxSampler> distance(accessor,
+                                                                                                   grid.transform());
   std::vector<Vec3f> drops;
   for (const Vec3f& p : position)
     if (distance.wsSample({p[0], p[1], p[2]}) > -drop && near.count(p, of_a_body) < of_a_body) drops.push_back(p);

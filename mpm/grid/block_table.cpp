@@ -22,8 +22,7 @@ struct MarkOccupied {
   uint8_t* occupied;
   GRAUPEL_HD void operator()(int64_t slot) const {
     if (keys[slot] < 0) return;
-    uint8_t* flag = occupied + keys[slot];
-    if (*static_cast<volatile uint8_t*>(flag) == 0) mark(flag);
+    mark(occupied + keys[slot]);
   }
 };
 

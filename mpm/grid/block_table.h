@@ -10,11 +10,12 @@
 
 namespace graupel::mpm {
 
-/// Sets a flag that several items may set at once.
+/// Sets a flag that several items may set at once. One that is set is only read, so that its cache line stays shared.
 GRAUPEL_HD inline void mark(uint8_t* flag) {
 #ifdef __CUDA_ARCH__
-  *flag = 1;
+  if (*static_cast<volatile uint8_t*>(flag) == 0) *flag = 1;
 #else
+  if (std::atomic_ref<uint8_t>(*flag).load(std::memory_order_relaxed) != 0) return;
   std::atomic_ref<uint8_t>(*flag).store(1, std::memory_order_relaxed);
 #endif
 }

@@ -116,6 +116,7 @@ Mlp Mlp::load(const nn::Weights& weights, const std::string& prefix, int inputs,
 std::vector<MlpLayer> Mlp::load_layers(const nn::Weights& weights, const std::string& prefix, int inputs, int width,
                                        int outputs) {
   std::vector<MlpLayer> layers;
+  layers.reserve(static_cast<std::size_t>(layer_count));
   for (int l = 0; l < layer_count; ++l)
     layers.push_back(load_layer(weights, prefix + "layer" + std::to_string(l),
                                 {l == hidden_layers ? outputs : width, l == 0 ? inputs : width}));

@@ -203,6 +203,7 @@ void MlpPoints<T>::evaluate(const std::vector<double>& state, const Mlp::Rows& d
   const auto run = [&](int64_t b) {
     T* to = values + b * block * width;
     std::vector<T*> slopes_to;
+    slopes_to.reserve(slopes.size());
     for (T* slope : slopes) slopes_to.push_back(slope + b * block * width);
     std::vector<int64_t> points;
     for (int64_t t = b * block; t < std::min((b + 1) * block, count); ++t)

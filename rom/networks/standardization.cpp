@@ -10,6 +10,7 @@ namespace {
 
 std::vector<double> in_f32(const std::vector<double>& values) {
   std::vector<double> result;
+  result.reserve(values.size());
   for (const double value : values) result.push_back(static_cast<double>(static_cast<float>(value)));
   return result;
 }

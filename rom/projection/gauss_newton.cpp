@@ -69,7 +69,7 @@ Eigen::VectorXd solve_normal_equations(const SampleField& field, const Weighing&
   field.normal_equations(weighing.weight, residual, normal, slope);
   normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(normal.rows());
   const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-  const Eigen::VectorXd change = factor.solve(slope);
+  Eigen::VectorXd change = factor.solve(slope);
   if (factor.info() != Eigen::Success || !change.allFinite())
     throw DivergedError(
         "the inversion of the deformation field failed (its normal equations are singular or not finite). Use more "

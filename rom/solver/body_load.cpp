@@ -104,7 +104,7 @@ Eigen::VectorXd BodyLoad::acceleration(const double* latent) const {
   Eigen::MatrixXd matrix;
   equations(latent, right, matrix);
   const Eigen::LDLT<Eigen::MatrixXd> factor(matrix);
-  const Eigen::VectorXd acceleration = factor.solve(right);
+  Eigen::VectorXd acceleration = factor.solve(right);
   if (factor.info() != Eigen::Success || !acceleration.allFinite())
     throw DivergedError("a load meets a state whose mass matrix is singular. Use fewer latents");
   return acceleration;

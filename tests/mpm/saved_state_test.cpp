@@ -175,7 +175,7 @@ TEST(SavedStateErrors, AnyBytesWithARightChecksumDoNoHarm) {
     const auto first = static_cast<std::size_t>(random.uniform(k, 0, 32.0, static_cast<double>(content - 16)));
     const auto length = static_cast<std::size_t>(random.uniform(k, 1, 1.0, 16.0));
     for (std::size_t j = 0; j < length; ++j)
-      bytes[first + j] = static_cast<std::byte>(random.uniform(k, 2 + static_cast<int>(j), 0.0, 255.9));
+      bytes[first + j] = static_cast<std::byte>(random.uniform((k << 8) + j, 2, 0.0, 255.9));
     const uint64_t checksum = fnv1a(fnv_start, bytes.data(), content);
     std::memcpy(bytes.data() + content, &checksum, sizeof(checksum));
     try {

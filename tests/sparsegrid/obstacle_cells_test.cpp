@@ -2,6 +2,7 @@
 #include "sparsegrid/obstacle_cells.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +17,7 @@
 namespace graupel::sparsegrid {
 namespace {
 
-const std::string vdb_file = testing::TempDir() + "graupel_cells.vdb";
+const std::string vdb_file = testing::TempDir() + "graupel_cells_" + std::to_string(::getpid()) + ".vdb";
 
 /// Obstacles of all kinds in and around the domain; some lie twice in the same place.
 Scene crowded_scene(std::size_t count, uint64_t seed) {

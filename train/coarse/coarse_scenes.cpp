@@ -148,6 +148,7 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
           scene, mpm::SimulationOptions{.device = options.device, .seed = scene.seed});
     });
     std::vector<mpm::PreparedScene> all;
+    all.reserve(made.size());
     for (auto& one : made) all.push_back(std::move(*one));
     return all;
   };

@@ -96,6 +96,7 @@ void fit_steps(hybrid::CoarseModel& model, const std::vector<CoarseScene>& scene
 
 std::vector<const CoarseScene*> pointers(const std::vector<CoarseScene>& scenes) {
   std::vector<const CoarseScene*> all;
+  all.reserve(scenes.size());
   for (const CoarseScene& scene : scenes) all.push_back(&scene);
   return all;
 }

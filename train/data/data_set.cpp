@@ -193,6 +193,7 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
   std::map<std::string, std::vector<std::size_t>> users;
   for (std::size_t i = 0; i < info_.size(); ++i) users[scene_json_[i]].push_back(i);
   std::vector<const std::vector<std::size_t>*> groups;
+  groups.reserve(users.size());
   for (const auto& [json, trajectories] : users) groups.push_back(&trajectories);
   std::mutex mutex;
   int64_t done = 0;

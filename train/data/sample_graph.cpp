@@ -46,6 +46,7 @@ class RadiusSamples : public SampleGraph {
 
   void prepare(const std::vector<Scene>& scenes, void* stream) override {
     std::vector<graph::RadiusScene> radius_scenes;
+    radius_scenes.reserve(scenes.size());
     for (const Scene& scene : scenes)
       radius_scenes.push_back({scene.draw.low, scene.draw.high, scene.particles, scene.point, scene.points,
                                scene.draw.symmetry, scene.environment});

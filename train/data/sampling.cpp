@@ -42,6 +42,7 @@ void add_obstacles(SceneGraph& graph, const graph::GnsConfig& config, const Samp
   if (!config.obstacle_particles) return;
   const std::vector<Vec3f>& points = environment.obstacle_particles.at_spacing(config.obstacle_spacing);
   std::vector<Vec3f> turned;
+  turned.reserve(points.size());
   for (const Vec3f& x : points) turned.push_back(scene.symmetry.apply(x));
   const std::vector<int32_t> near = graph::within_cutoff(turned, current, config.receptive_field());
   const auto width = static_cast<std::size_t>(rules.features.width);
@@ -127,7 +128,7 @@ std::vector<SampleKey> strided_samples(const DataSplit& split, int64_t stride) {
 }
 
 std::vector<SampleKey> spread_samples(const DataSplit& split, int64_t count) {
-  const std::vector<SampleKey> all = strided_samples(split, 1);
+  std::vector<SampleKey> all = strided_samples(split, 1);
   const auto total = static_cast<int64_t>(all.size());
   if (count >= total) return all;
   std::vector<SampleKey> keys;

@@ -399,7 +399,7 @@ std::string TrainingRun::export_weights() const {
       with_training(read_run_facts(options_.run).start, options_.data, state.seconds * comm_.size(),
                     hardware_name(options_.device, options_.threads));
   weights.metadata[nn::offline_cost_key] = nn::offline_cost_json(cost);
-  const std::string file = options_.run + "/weights.safetensors";
+  std::string file = options_.run + "/weights.safetensors";
   nn::write_safetensors(file, weights);
   return file;
 }

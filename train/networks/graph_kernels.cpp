@@ -151,11 +151,13 @@ void adam_step(Device device, int64_t count, const AdamSettings& settings, const
                   light);
 }
 
+// NOLINTBEGIN(bugprone-macro-parentheses): T is a type
 #define GRAUPEL_INSTANTIATE(T)                                                                                      \
   template void gather_sum_leaky(Device, int64_t, int64_t, const GatherTerm<T>&, const GatherTerm<T>&, T*, double); \
   template void segment_sum(Device, const Segments&, int64_t, const T*, int64_t, const T*, T*);                     \
   template void gather_rows(Device, int64_t, int64_t, const GatherTerm<T>&, const T*, T*);                          \
   template void adam_step(Device, int64_t, const AdamSettings&, const T*, const T*, T*, T*, T*, T*, void*);
+// NOLINTEND(bugprone-macro-parentheses)
 GRAUPEL_INSTANTIATE(float)
 GRAUPEL_INSTANTIATE(double)
 

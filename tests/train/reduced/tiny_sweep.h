@@ -2,6 +2,8 @@
 // friction.
 #pragma once
 
+#include <unistd.h>
+
 #include <cmath>
 #include <string>
 #include <vector>
@@ -42,11 +44,22 @@ inline Trajectory run_of(const Scene& scene) {
   return trajectory;
 }
 
-/// The folder `name` of the data set, made anew below the build folder.
+/// A new folder of this process for the data set `name`, below the build folder; removed with the process.
+inline std::string new_sweep_folder(const std::string& name) {
+  static struct Folders {
+    std::vector<std::string> made;
+    ~Folders() {
+      for (const std::string& folder : made) remove_path(folder);
+    }
+  } folders;
+  folders.made.push_back(std::string(GRAUPEL_BINARY_DIR) + "/" + name + "_" + std::to_string(::getpid()));
+  make_folder(folders.made.back());
+  return folders.made.back();
+}
+
+/// The folder of the data set `name`.
 inline std::string tiny_sweep(const std::string& name) {
-  const std::string folder = std::string(GRAUPEL_BINARY_DIR) + "/" + name;
-  remove_path(folder);
-  make_folder(folder);
+  const std::string folder = new_sweep_folder(name);
   std::vector<std::string> parts;
   for (int i = 0; i < 7; ++i) {
     const double angle = 24 + 2 * i;

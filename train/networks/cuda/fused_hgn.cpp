@@ -239,7 +239,7 @@ at::Tensor FusedHgn::forward(const DeviceBatch& batch) {
   const graph::RowLatents latents = graph::forward_aggregation(packed_, begin(batch), *this, record_, nullptr);
   if (!has_own_decoder()) return decode(latents.f32, batch.particles);
   before_decoder_ = latents.f16;
-  const at::Tensor out = at::empty({batch.particles, 3}, number_);
+  at::Tensor out = at::empty({batch.particles, 3}, number_);
   graph::Decoder decoder = packed_.decoder();
   decoder.rows = batch.particles;
   decoder.x16 = latents.f16;

@@ -6,7 +6,8 @@ namespace graupel::train {
 
 rom::Standardization standardization_of(const std::vector<float>& values, std::size_t width) {
   std::vector<double> sum(width, 0), sum2(width, 0);
-  const auto count = static_cast<double>(values.size() / width);
+  const std::size_t rows = values.size() / width;
+  const auto count = static_cast<double>(rows);
   for (std::size_t i = 0; i < values.size(); ++i) sum[i % width] += static_cast<double>(values[i]);
   rom::Standardization s;
   for (std::size_t c = 0; c < width; ++c) s.shift.push_back(sum[c] / count);
