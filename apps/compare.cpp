@@ -41,19 +41,27 @@ void add_compare(const Command& app) {
           "scenes,--scenes", options.scenes,
           "Scene files, folders of them, data sets (.h5 or their folders) and recipes; a number N takes the first N "
           "scenes of a data set or recipe, FIRST:END those from FIRST to END - 1")
+      .names_file({".json", ".h5"})
+      .names_folder()
       .required();
-  command.option("--split", options.split, "Of recipes and data sets' folders: train, valid or test");
+  command.option("--split", options.split, "Of recipes and data sets' folders: train, valid or test")
+      .suggest({"train", "valid", "test"});
   command
       .option("--models", options.models,
               mpm::variant_words() +
                   ", weights files of networks, reduced-order models and coarse MPM; corrections-only; a network's "
                   "WEIGHTS:no-corrections, a reduced-order model's WEIGHTS:no-pull; comma-separated")
+      .suggest(mpm::variant_list())
+      .suggest({"corrections-only"})
+      .names_file({".safetensors"})
       .required()
       .delimiter(',');
-  command.option(
-      "--training-runs", options.training_runs,
-      "Data set of the reduced-order models (folder, or train.h5): adds its nearest run and the interpolation "
-      "between its runs as baselines");
+  command
+      .option("--training-runs", options.training_runs,
+              "Data set of the reduced-order models (folder, or train.h5): adds its nearest run and the interpolation "
+              "between its runs as baselines")
+      .names_file({".h5"})
+      .names_folder();
   command.option("--frames", options.frames, "Frames to predict; default the scene's").check(whole_number(1));
   command.option("--set", options.set, "Change a scene key: --set domain.dx=0.02 (repeatable)").one_value_each();
   command.option("--one-step-stride", options.one_step_stride, "Frames between one-step errors")
@@ -73,11 +81,16 @@ void add_compare(const Command& app) {
   command
       .option("--floors", options.floor_file,
               "Read the chaos floors from this file (--write-floors) instead of running MPM twice more a scene")
+      .names_file({".json"})
       .excludes("--no-floors");
-  command.option("--write-floors", options.write_floors, "Write the chaos floors to this file").excludes("--no-floors");
-  command.option("--csv", options.csv, "Write a row a scene and model to this file");
-  command.option("--report", options.report, "Write tables, curves, pictures and a 3-D player (.html)");
-  command.option("--pictures", options.pictures, "Write a contact sheet a scene and model into this folder (.png)");
+  command.option("--write-floors", options.write_floors, "Write the chaos floors to this file")
+      .names_file({".json"})
+      .excludes("--no-floors");
+  command.option("--csv", options.csv, "Write a row a scene and model to this file").names_file({".csv"});
+  command.option("--report", options.report, "Write tables, curves, pictures and a 3-D player (.html)")
+      .names_file({".html"});
+  command.option("--pictures", options.pictures, "Write a contact sheet a scene and model into this folder (.png)")
+      .names_folder();
   verb->common.add_to(command);
   command.footer(
       "Examples:\n  graupel compare --scenes scenes/shared --models mpm,mpm:coarse,models/hgn.safetensors --report "

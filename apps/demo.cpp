@@ -65,10 +65,10 @@ void demo(const DemoOptions& options) {
 void add_demo(const Command& app) {
   auto options = std::make_shared<DemoOptions>();
   const Command verb = app.command("demo", "Shared scenes through MPM and the shipped weights, on the CPU");
-  verb.option("-o,--output", options->output, "Report to write").show_default();
+  verb.option("-o,--output", options->output, "Report to write").names_file({".html"}).show_default();
   verb.option("--frames", options->frames, "Frames of each scene").check(whole_number(1)).show_default();
-  verb.option("--scenes", options->scenes, "Folder of the shared scenes").show_default();
-  verb.option("--models", options->models, "Folder of the shipped weights").show_default();
+  verb.option("--scenes", options->scenes, "Folder of the shared scenes").names_folder().show_default();
+  verb.option("--models", options->models, "Folder of the shipped weights").names_folder().show_default();
   options->common.add_to(verb);
   verb.footer("Examples:\n  graupel demo\n  graupel demo --frames 300 -o long.html");
   verb.callback([options] { demo(*options); });

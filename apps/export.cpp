@@ -22,14 +22,16 @@ void add_export(const Command& app) {
   ExportRequest& request = verb->request;
   const Command command =
       app.command("export", "Write a trajectory for ParaView, Blender, Houdini; films and pictures");
-  command.option("trajectory", request.input, "Trajectory or data-set file (.h5)").required();
+  command.option("trajectory", request.input, "Trajectory or data-set file (.h5)").names_file({".h5"}).required();
   command
       .option("-f,--format", request.format,
               "Particles: vtp (with .pvd), ply, vdb, bgeo, usda; with --surface: obj, ply, vtp, vdb, usda; pictures: "
               "png, gif, mp4; csv: forces on obstacles and walls, one file")
       .check(one_of(export_formats()))
       .show_default();
-  command.option("-o,--output", request.folder, "Folder; default NAME_FORMAT (csv: file; default NAME_forces.csv)");
+  command.option("-o,--output", request.folder, "Folder; default NAME_FORMAT (csv: file; default NAME_forces.csv)")
+      .names_file({".csv", ".mp4", ".gif"})
+      .names_folder();
   command.option("--name", request.name, "Of the files; default the trajectory file's");
   command.option("--trajectory", request.trajectory, "Which trajectory of a data set")
       .check(whole_number(0))

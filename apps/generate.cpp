@@ -11,8 +11,8 @@ using namespace experiments;
 void add_generate(const Command& app) {
   auto options = std::make_shared<GenerateOptions>();
   const Command verb = app.command("generate", "Make a data set of random scenes, or of a parameter sweep");
-  verb.option("recipe", options->scenes.recipe, "Recipe file (scenes/recipes/*.json)").required();
-  verb.option("-o,--output", options->set.folder, "Folder of the data set").required();
+  verb.option("recipe", options->scenes.recipe, "Recipe file (scenes/recipes/*.json)").names_file({".json"}).required();
+  verb.option("-o,--output", options->set.folder, "Folder of the data set").names_folder().required();
   verb.option("--set", options->scenes.set,
               "Change a recipe key: --set counts.train=100; of a sweep's scene: --set scene.domain.dx=0.02")
       .one_value_each();

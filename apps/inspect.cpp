@@ -15,8 +15,11 @@ void add_inspect(const Command& app) {
       "inspect", "Look into a scene, recipe, trajectory, data set, saved state, weights, .vdb file or training runs");
   verb.option("file", options->files,
               "A .json, .h5, .safetensors or .vdb file, a saved state, a data set's folder; or run folders")
+      .names_file({".json", ".h5", ".safetensors", ".vdb", ".state", ".part"})
+      .names_folder()
       .required();
-  verb.option("--plots", options->plots, "Plot what training runs measured over time, into this folder (.svg)");
+  verb.option("--plots", options->plots, "Plot what training runs measured over time, into this folder (.svg)")
+      .names_folder();
   verb.flag("--recover", options->recover,
             "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
   verb.option("-o,--output", options->output, "Of --recover: make this file, and leave FILE.part as it is");

@@ -45,6 +45,8 @@ void add_verbs(const graupel::CommandLine& program, int& exit_code) {
   add_view(program);
   add_doctor(program);
   add_bench(program);
+  add_man(program);
+  add_completion(program);
 }
 
 }  // namespace

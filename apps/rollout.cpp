@@ -12,15 +12,16 @@ void add_rollout(const Command& app) {
   auto options = std::make_shared<RolloutOptions>();
   const Command verb = app.command(
       "rollout", "Predict a scene with a learned simulator: a graph network, a reduced-order model or coarse MPM");
-  verb.option("weights", options->weights, "Weights file (.safetensors)").required();
-  verb.option("input", options->input, "Scene (.json) or trajectory (.h5)").required();
-  verb.option("-o,--output", options->output, "Trajectory file").show_default();
+  verb.option("weights", options->weights, "Weights file (.safetensors)").names_file({".safetensors"}).required();
+  verb.option("input", options->input, "Scene (.json) or trajectory (.h5)").names_file({".json", ".h5"}).required();
+  verb.option("-o,--output", options->output, "Trajectory file").names_file({".h5"}).show_default();
   verb.option("--frames", options->frames, "Frames to predict; default the scene's, of truth:N the rest of the input")
       .check(whole_number(0));
   verb.option("--set", options->set, "Change a scene key: --set gravity=[0,-5,0] (repeatable)").one_value_each();
   verb.option("--start", options->start,
               "Of networks. scene: frame 0 with a ballistic past; truth:N: the first N frames of the input. Of a "
               "trajectory the rest is compared with")
+      .suggest({"scene", "truth:"})
       .show_default();
   verb.option("--trajectory", options->trajectory, "Which trajectory of a data set")
       .check(whole_number(0))

@@ -21,5 +21,7 @@ void add_validate(const Command& program);
 void add_view(const Command& program);
 void add_doctor(const Command& program);
 void add_bench(const Command& program);
+void add_man(const Command& program);
+void add_completion(const Command& program);
 
 }  // namespace graupel::apps

@@ -12,6 +12,7 @@ void add_view(const Command& app) {
   auto options = std::make_shared<ViewOptions>();
   const Command verb = app.command("view", "Look at trajectories, and at scenes while they run, in a browser");
   verb.option("files", options->files, "One file, or two side by side: trajectories (.h5), scenes to run (.json)")
+      .names_file({".h5", ".json"})
       .required();
   verb.option("--port", options->port, "Of the page on this machine; default a free one").check(whole_number(1, 65535));
   verb.option("--trajectory", options->trajectory, "Which trajectory of a data set")

@@ -60,9 +60,15 @@ std::string variant_word(const SolverVariant& variant) {
                      variant.step == StepRule::given ? "" : " with the largest stable step");
 }
 
+std::vector<std::string> variant_list() {
+  std::vector<std::string> list;
+  for (const Word& known : words) list.emplace_back(known.word);
+  return list;
+}
+
 std::string variant_words() {
   std::string all;
-  for (const Word& known : words) all += (all.empty() ? "" : ", ") + std::string(known.word);
+  for (const std::string& word : variant_list()) all += (all.empty() ? "" : ", ") + word;
   return all;
 }
 

@@ -25,7 +25,8 @@ inline constexpr SolverVariant same_solver{}, fast_solver{1, StepRule::largest_s
 /// "mpm", "mpm:fast", "mpm:coarse", "mpm:coarse:fast" or "mpm:fine"; nothing for any other word.
 std::optional<SolverVariant> parse_variant(const std::string& word);
 std::string variant_word(const SolverVariant& variant);
-/// All of them, separated by commas.
+/// All of them; in one text, separated by commas.
+std::vector<std::string> variant_list();
 std::string variant_words();
 
 /// The scene at dx/2 with eight times the particles (four in the plane) and twice the substeps. Given points are

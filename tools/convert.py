@@ -46,6 +46,12 @@ def load_package():
 
 if __name__ == "__main__":
     sys.dont_write_bytecode = True
+    if sys.argv[1:] == ["--describe"]:  # for man pages and the completion of shells
+        load_package()
+        from graupel_convert.flags import describe
+
+        describe()
+        sys.exit()
     need_libraries()
     load_package()
     from graupel_convert.command import main

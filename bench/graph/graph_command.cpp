@@ -13,12 +13,14 @@ void add_graph(const Command& program) {
   auto options = std::make_shared<BenchGraphOptions>();
   const Command verb = program.command("graph", "Time of a frame of graph networks beside MPM's, by size");
   verb.option("--models", options->models, mpm::variant_words() + ", weights of graph networks; comma-separated")
+      .suggest(mpm::variant_list())
+      .names_file({".safetensors"})
       .delimiter(',')
       .show_default();
   verb.option("--particles", options->particles, "About so many: the recipe's scene, with a larger floor")
       .check(whole_number(100, 100000000))
       .show_default();
-  verb.option("--recipe", options->recipe, "Recipe of the scenes").show_default();
+  verb.option("--recipe", options->recipe, "Recipe of the scenes").names_file({".json"}).show_default();
   verb.option("--frames", options->frames, "Frames to time (median)").check(whole_number(1)).show_default();
   verb.option("--settle", options->settle, "Frames of MPM before the settled state")
       .check(whole_number(1))

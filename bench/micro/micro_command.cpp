@@ -30,14 +30,14 @@ void run_micro(const MicroOptions& options) {
 void add_micro(const Command& program) {
   auto options = std::make_shared<MicroOptions>();
   const Command verb = program.command("micro", "Substeps of MPM and a frame of a network, by part: two short tables");
-  verb.option("--device", options->device, "cpu or cuda").show_default();
+  verb.option("--device", options->device, "cpu or cuda").suggest({"cpu", "cuda"}).show_default();
   verb.option("--threads", options->threads, "CPU threads (0: all)").show_default();
   verb.option("--cells", options->cells, "Edges of the falling cube in cells; 8 particles a cell").show_default();
-  verb.option("--weights", options->weights, "Network").show_default();
-  verb.option("--scene", options->scene, "Scene for the network").show_default();
+  verb.option("--weights", options->weights, "Network").names_file({".safetensors"}).show_default();
+  verb.option("--scene", options->scene, "Scene for the network").names_file({".json"}).show_default();
   verb.flag("--no-hgn", options->no_hgn, "MPM only");
   verb.flag("--no-mpm", options->no_mpm, "Network only");
-  verb.option("--json", options->json, "Write the figures to this file");
+  verb.option("--json", options->json, "Write the figures to this file").names_file({".json"});
   verb.footer("Examples:\n  graupel bench micro\n  graupel bench micro --no-hgn --cells 17 --threads 1");
   verb.callback([options] { run_micro(*options); });
 }

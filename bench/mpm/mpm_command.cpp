@@ -23,7 +23,8 @@ void add_mpm(const Command& program) {
       .check(one_of({"fall", "late"}))
       .show_default();
   verb.option("--precision", options->precision, "f32 or f64 (CPU)").check(one_of({"f32", "f64"})).show_default();
-  verb.option("--recipe", options->recipe, "Instead of the cube: test scenes of a recipe, all at once");
+  verb.option("--recipe", options->recipe, "Instead of the cube: test scenes of a recipe, all at once")
+      .names_file({".json"});
   verb.option("--batch", options->batch, "With --recipe: number of scenes (repeatable)")
       .check(shown_range(int64_t{1}, int64_t{100000}))
       .show_default();

@@ -84,8 +84,9 @@ void add_run_flags(const Command& verb, BenchRomOptions& options) {
 void add_rom(const Command& program) {
   auto options = std::make_shared<BenchRomOptions>();
   const Command verb = program.command("rom", "A reduced-order model on the test runs of its data set");
-  const CommandOption model = verb.option("model", options->model, "Weights file (.safetensors)");
-  verb.option("data", options->data, "Folder of the data set").needs(model);
+  const CommandOption model =
+      verb.option("model", options->model, "Weights file (.safetensors)").names_file({".safetensors"});
+  verb.option("data", options->data, "Folder of the data set").names_folder().needs(model);
   verb.option("--split", options->split, "test, valid or train")
       .check(one_of({"train", "valid", "test"}))
       .show_default();
@@ -93,8 +94,9 @@ void add_rom(const Command& program) {
   verb.option("--against", options->against, "The full-order solver, frame by frame in turn: mpm,mpm:fast")
       .delimiter(',')
       .check(one_of({"mpm", "mpm:fast"}));
-  verb.option("--plot", options->plot, "Folder for plots as SVG: trust, decay of the modes, errors over settings");
-  verb.option("--from", options->from, "Plot these earlier --json files instead of a run");
+  verb.option("--plot", options->plot, "Folder for plots as SVG: trust, decay of the modes, errors over settings")
+      .names_folder();
+  verb.option("--from", options->from, "Plot these earlier --json files instead of a run").names_file({".json"});
   options->common.add_to(verb);
   verb.footer(
       "Examples:\n  graupel bench rom models/nsf-sand.safetensors data/nsf_sand_column --against mpm,mpm:fast\n"

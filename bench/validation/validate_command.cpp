@@ -147,7 +147,7 @@ void add_validate(const Command& program) {
   verb.option("--case", options->cases, "Names of cases (repeatable; default: all)");
   verb.flag("--list", options->list, "List the cases and end");
   verb.flag("--long", options->full, "The long forms, at the references' resolution: minutes a case");
-  verb.option("--plots", options->plots, "Write a plot of every case as SVG into this folder");
+  verb.option("--plots", options->plots, "Write a plot of every case as SVG into this folder").names_folder();
   options->common.add_to(verb);
   verb.footer(
       "Examples:\n  graupel bench validate\n"

@@ -57,6 +57,68 @@ std::vector<std::string> reversed_words(const CLI::App& app, int argc, const cha
   return words;
 }
 
+/// CLI11 has no place for what shells may offer: it is the name of a check that allows everything.
+constexpr const char *file_hint = "file:", *folder_hint = "folder:", *word_hint = "words:", *choice_hint = "choices:";
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string all;
+  for (const std::string& word : words) all += (all.empty() ? "" : "\n") + word;
+  return all;
+}
+
+void add_hint(CLI::Option& option, const char* kind, const std::vector<std::string>& words) {
+  option.check(CLI::Validator([](std::string&) { return std::string(); }, "", kind + joined(words)));
+}
+
+/// What follows `kind` in the names of the option's checks, one text for each.
+std::vector<std::string> hints_of(CLI::Option& option, const std::string& kind) {
+  std::vector<std::string> hints;
+  for (int i = 0;; ++i) {
+    try {
+      const std::string name = option.get_validator(i)->get_name();
+      if (name.starts_with(kind)) hints.push_back(name.substr(kind.size()));
+    } catch (const CLI::OptionNotFound&) {  // no further check
+      return hints;
+    }
+  }
+}
+
+std::vector<std::string> words_of(CLI::Option& option, const std::string& kind) {
+  std::vector<std::string> words;
+  for (const std::string& hint : hints_of(option, kind))
+    for (const std::string& word : CLI::detail::split(hint, '\n'))
+      if (!word.empty()) words.push_back(word);
+  return words;
+}
+
+OptionDescription describe(CLI::Option& option) {
+  OptionDescription known;
+  for (const std::string& name : option.get_snames()) known.flags.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) known.flags.push_back("--" + name);
+  if (option.get_positional()) known.word = option.get_name(true);
+  const std::string type = option.get_type_name();
+  if (option.get_items_expected_max() > 0) known.value = type.substr(0, type.find(':'));
+  known.text = option.get_description();
+  known.default_value = option.get_default_str();
+  known.choices = words_of(option, choice_hint);
+  known.suggestions = words_of(option, word_hint);
+  known.file_endings = words_of(option, file_hint);
+  known.names_file = !hints_of(option, file_hint).empty();
+  known.names_folder = !hints_of(option, folder_hint).empty();
+  known.required = option.get_required();
+  known.repeats = option.get_expected_max() > 1;
+  known.many = known.repeats && option.get_allow_extra_args();
+  if (option.get_delimiter() != '\0') known.delimiter = std::string(1, option.get_delimiter());
+  return known;
+}
+
+CommandDescription describe(CLI::App& app) {
+  CommandDescription known{app.get_name(), app.get_description(), app.get_footer(), {}, {}};
+  for (CLI::Option* option : app.get_options()) known.options.push_back(describe(*option));
+  for (CLI::App* command : app.get_subcommands({})) known.commands.push_back(describe(*command));
+  return known;
+}
+
 }  // namespace
 
 ValueCheck whole_number(int64_t low, int64_t high) {
@@ -78,7 +140,7 @@ ValueCheck real_number(double low, double high) {
 }
 
 ValueCheck one_of(const std::vector<std::string>& words) {
-  return [words](CLI::Option& option) { option.check(CLI::IsMember(words)); };
+  return [words](CLI::Option& option) { option.check(CLI::IsMember(words).name(choice_hint + joined(words))); };
 }
 
 ValueCheck shown_range(int64_t low, int64_t high) {
@@ -126,6 +188,21 @@ CommandOption CommandOption::take_all() const {
 
 CommandOption CommandOption::values(int count) const {
   option_->expected(count);
+  return *this;
+}
+
+CommandOption CommandOption::names_file(const std::vector<std::string>& endings) const {
+  add_hint(*option_, file_hint, endings);
+  return *this;
+}
+
+CommandOption CommandOption::names_folder() const {
+  add_hint(*option_, folder_hint, {});
+  return *this;
+}
+
+CommandOption CommandOption::suggest(const std::vector<std::string>& words) const {
+  add_hint(*option_, word_hint, words);
   return *this;
 }
 
@@ -210,6 +287,8 @@ std::vector<std::string> Command::words() const {
   std::replace(words.begin(), words.end(), hidden_dashes, std::string("--"));
   return words;
 }
+
+CommandDescription Command::description() const { return describe(*app_); }
 
 void Command::callback(std::function<void()> work) const { app_->callback(std::move(work)); }
 

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "core/system/command_description.h"
+
 namespace CLI {
 class App;
 class Option;
@@ -54,6 +56,12 @@ class CommandOption {
   /// Of a list: all values of all times that the option is given.
   CommandOption take_all() const;
   CommandOption values(int count) const;
+  /// Its value names a file with one of these endings (".h5"; none: any file) or a folder. Shells offer them; nothing
+  /// is checked.
+  CommandOption names_file(const std::vector<std::string>& endings = {}) const;
+  CommandOption names_folder() const;
+  /// Words that shells offer beside others that are allowed too.
+  CommandOption suggest(const std::vector<std::string>& words) const;
   /// Sets `given` where the user gives the option.
   CommandOption remember_in(bool& given) const;
   /// May be given only together with `other`, or never with the option of that name.
@@ -90,6 +98,8 @@ class Command {
   /// All words after the command's name are words(), --help among them.
   void take_words_as_they_are() const;
   std::vector<std::string> words() const;
+  /// What --help knows of it and of its commands.
+  CommandDescription description() const;
   /// What the command does, once all is parsed.
   void callback(std::function<void()> work) const;
 

@@ -10,13 +10,13 @@ namespace graupel::experiments {
 
 void CommonOptions::add_to(const Command& verb) {
   verb.option("--seed", seed, "Seed of all random numbers").remember_in(seed_given);
-  verb.option("--device", device, "auto, cpu or cuda").show_default();
+  verb.option("--device", device, "auto, cpu or cuda").suggest({"auto", "cpu", "cuda"}).show_default();
   add_without_run_to(verb);
 }
 
 void CommonOptions::add_without_run_to(const Command& verb) {
   verb.option("--threads", threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
-  verb.option("--json", json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--json", json, "Write the result as JSON to this file (-: standard output)").names_file({".json"});
 }
 
 Device CommonOptions::apply() {

@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <string_view>
 #include <system_error>
 
 #include "core/parallel/instruction_set.h"
@@ -16,6 +17,7 @@
 #include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
+#include "io/config/command_json.h"
 #include "nn/bf16_gemm.h"
 
 namespace graupel::experiments {
@@ -47,6 +49,10 @@ int run_command(int argc, char** argv, const char* name, const char* description
   program.require_command();
   int exit_code = 0;
   declare(program, exit_code);
+  if (argc == 2 && std::string_view(argv[1]) == io::describe_word) {
+    std::fputs(io::command_json(program.description()).c_str(), stdout);
+    return static_cast<int>(ExitCode::ok);
+  }
   catch_stop_signals(StopPolicy::within_a_second);
   std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
   instruction_set();              // its error, before any work

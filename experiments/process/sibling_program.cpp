@@ -25,13 +25,22 @@ int wait_for(pid_t child) {
   return status;
 }
 
+namespace fs = std::filesystem;
+
+fs::path place_of(const SiblingProgram& sibling) {
+  return fs::read_symlink("/proc/self/exe").parent_path() / sibling.name;
+}
+
 }  // namespace
 
+std::optional<std::string> find(const SiblingProgram& sibling) {
+  const fs::path program = place_of(sibling);
+  return fs::exists(program) ? std::optional(program.string()) : std::nullopt;
+}
+
 std::string path_of(const SiblingProgram& sibling) {
-  const auto program = std::filesystem::read_symlink("/proc/self/exe").parent_path() / sibling.name;
-  if (!std::filesystem::exists(program))
-    throw ConfigError("'" + program.string() + "' is not there " + sibling.missing);
-  return program;
+  if (const std::optional<std::string> program = find(sibling)) return *program;
+  throw ConfigError("'" + place_of(sibling).string() + "' is not there " + sibling.missing);
 }
 
 void become(const SiblingProgram& sibling, const std::vector<std::string>& arguments) {

@@ -1,6 +1,7 @@
 // Programs of Graupel that lie beside this one: graupel-train, the only one linked with libtorch, and graupel-bench.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ inline constexpr SiblingProgram bench_program = {
     "(this build has no benchmarks). Run ./run build, or configure with -DGRAUPEL_BENCH=ON and build the target "
     "graupel-bench"};
 
+/// Its path; nothing where it is not there.
+std::optional<std::string> find(const SiblingProgram& sibling);
 /// Its path. Throws ConfigError where it is not there.
 std::string path_of(const SiblingProgram& sibling);
 

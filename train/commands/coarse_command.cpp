@@ -90,9 +90,12 @@ int train(const Arguments& arguments, const std::string& command_line) {
 void add_coarse_command(const Command& app, const std::string& command_line, int& exit_code) {
   auto a = std::make_shared<Arguments>();
   const Command verb = app.command("coarse", "Constants with which MPM on a coarse grid follows the fine one");
-  verb.option("--recipe", a->recipe, "Recipe of categories that the scenes are drawn from").show_default();
-  verb.option("--from", a->from, "Begin with the constants and steps of this weights file");
-  verb.option("--out", a->out, "Run folder").show_default();
+  verb.option("--recipe", a->recipe, "Recipe of categories that the scenes are drawn from")
+      .names_file({".json"})
+      .show_default();
+  verb.option("--from", a->from, "Begin with the constants and steps of this weights file")
+      .names_file({".safetensors"});
+  verb.option("--out", a->out, "Run folder").names_folder().show_default();
   verb.option("--target", a->target, "cpu or cuda: where a run may cost no more than MPM on 2 dx at its largest step")
       .check(one_of({"cpu", "cuda"}))
       .show_default();
@@ -107,9 +110,9 @@ void add_coarse_command(const Command& app, const std::string& command_line, int
       .show_default();
   verb.option("--frames", a->training.frames, "Frames of a run").check(whole_number(10)).show_default();
   verb.option("--seed", a->training.seed, "Seed of the scenes").show_default();
-  verb.option("--device", a->device, "auto, cpu or cuda").show_default();
+  verb.option("--device", a->device, "auto, cpu or cuda").suggest({"auto", "cpu", "cuda"}).show_default();
   verb.option("--threads", a->threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
-  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)").names_file({".json"});
   verb.footer(
       "Examples:\n  graupel train coarse --out runs/coarse --minutes 10\n"
       "  graupel train coarse --recipe my_scenes.json --target cuda --out runs/coarse-gpu");

@@ -11,6 +11,7 @@
 #include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <system_error>
 
 #include "core/parallel/instruction_set.h"
@@ -22,6 +23,7 @@
 #include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
+#include "io/config/command_json.h"
 #include "train/commands/coarse_command.h"
 #include "train/commands/crom_command.h"
 #include "train/commands/nsf_command.h"
@@ -308,36 +310,39 @@ int run_evaluation(const Arguments& arguments) {
 
 void add_options(const Command& verb, Arguments& a) {
   const std::string word = word_of(a.architecture);
-  verb.option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5");
-  verb.option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word));
+  verb.option("--data", a.data, "Folder of the data set: train.h5, valid.h5, test.h5").names_folder();
+  verb.option("--out", a.out, fmt::format("Run folder (default: runs/{}-<time>)", word)).names_folder();
   verb.option("--preset", a.preset, "Settings to begin with: recommended (what won in our measurements) or paper")
       .check(one_of({"recommended", "paper"}))
       .show_default()
       .remember_in(a.preset_given);
-  verb.option("--config", a.config, "Settings as JSON instead (see --print-defaults)");
+  verb.option("--config", a.config, "Settings as JSON instead (see --print-defaults)").names_file({".json"});
   verb.option("--set", a.set, fmt::format("Override a setting: key=value, {}.latent=64", word)).take_all();
   verb.option("--steps", a.steps, "Optimiser steps").check(whole_number(1));
   verb.option("--minutes", a.minutes, "Stop after this wall time, with a checkpoint")
       .check(real_number(LowerBound::above_zero));
   verb.option("--stop-step", a.stop_step, "Stop after this step, with a checkpoint").check(whole_number(1));
-  verb.option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights");
+  verb.option("--from", a.from, "Start from this weights file, with its normalisation, instead of fresh weights")
+      .names_file({".safetensors"});
   verb.option("--teacher", a.teacher,
-              "Learn from the predictions of this weights file (share: --set teacher_share=0.5)");
-  verb.option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out");
+              "Learn from the predictions of this weights file (share: --set teacher_share=0.5)")
+      .names_file({".safetensors"});
+  verb.option("--resume", a.resume, "Go on with this run folder, or with the latest one below --out").names_folder();
   verb.option("--seed", a.seed, "Seed of all random numbers").remember_in(a.seed_given);
-  verb.option("--device", a.device, "auto, cpu or cuda").show_default();
+  verb.option("--device", a.device, "auto, cpu or cuda").suggest({"auto", "cpu", "cuda"}).show_default();
   verb.option("--threads", a.threads, "CPU threads of each process (0: all, divided among those of a machine)")
       .check(whole_number(0, 4096))
       .show_default();
   verb.option("--rank-timeout", a.rank_timeout, "Seconds until a process that does not answer is taken for gone")
       .check(real_number(LowerBound::above_zero))
       .show_default();
-  verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)").names_file({".json"});
   verb.option("--emit-slurm", a.slurm_ranks,
               "Print a batch script for Slurm with so many processes instead; it goes on where a job's time is over")
       .check(whole_number(1, 1024));
   verb.flag("--print-defaults", a.print_defaults, "Print every setting that a run would have");
-  verb.option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file");
+  verb.option("--evaluate", a.evaluate, "Instead of training: one-step errors of this weights file")
+      .names_file({".safetensors"});
   verb.option("--split", a.split, "Split that --evaluate reads: train, valid or test")
       .check(one_of({"train", "valid", "test"}))
       .show_default();
@@ -382,6 +387,10 @@ int run(int argc, char** argv) {
   add_crom_command(program, command_line, exit_code);
   add_coarse_command(program, command_line, exit_code);
   add_time_command(program, command_line);
+  if (argc == 2 && std::string_view(argv[1]) == io::describe_word) {
+    fmt::print("{}", io::command_json(program.description()));
+    return 0;
+  }
   instruction_set();              // its error, before any work
   std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit of its size (ulimit -f) is an error of writing
   const int usage = program.run(argc, argv, "graupel-train");

@@ -14,17 +14,17 @@
 namespace graupel::train {
 
 void add_reduced_options(const Command& verb, ReducedArguments& a, const std::string& device_meaning) {
-  verb.option("--data", a.data, "Folder of the data set: train.h5");
-  verb.option("--out", a.out, "Run folder").show_default();
-  verb.option("--config", a.config, "Settings as JSON (see --print-defaults)");
+  verb.option("--data", a.data, "Folder of the data set: train.h5").names_folder();
+  verb.option("--out", a.out, "Run folder").names_folder().show_default();
+  verb.option("--config", a.config, "Settings as JSON (see --print-defaults)").names_file({".json"});
   verb.option("--set", a.set, "Override a setting: key=value, samples=300").take_all();
   verb.option("--seed", a.seed, "Seed of samples, weights and batches").remember_in(a.seed_given);
   verb.option("--threads", a.threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
-  verb.option("--device", a.device, device_meaning).show_default();
+  verb.option("--device", a.device, device_meaning).suggest({"auto", "cpu", "cuda"}).show_default();
   verb.option("--time-limit", a.time_limit, "Seconds that networks are trained, in place of all epochs")
       .check(real_number(LowerBound::above_zero));
-  verb.option("--resume", a.resume, "Go on with this run folder of networks");
-  verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--resume", a.resume, "Go on with this run folder of networks").names_folder();
+  verb.option("--json", a.json, "Write the result as JSON to this file (-: standard output)").names_file({".json"});
   verb.flag("--print-defaults", a.print_defaults, "Print every setting with its default");
 }
 

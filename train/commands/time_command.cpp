@@ -70,16 +70,16 @@ void add_time_command(const Command& app, const std::string& command_line) {
   auto a = std::make_shared<Arguments>();
   a->timing.threads = 0;
   const Command verb = app.command("time", "Time of a graph network in libtorch, without features and graph");
-  verb.option("weights", a->weights, "Weights file of an HGN or a GNS").required();
-  verb.option("--data", a->data, "Trajectory (.h5); the network is timed at its end").required();
+  verb.option("weights", a->weights, "Weights file of an HGN or a GNS").names_file({".safetensors"}).required();
+  verb.option("--data", a->data, "Trajectory (.h5); the network is timed at its end").names_file({".h5"}).required();
   verb.option("--runs", a->timing.runs, "Runs to time (median)").check(whole_number(1)).show_default();
   verb.option("--warm-ups", a->timing.warm_ups, "Runs before those").check(whole_number(0)).show_default();
   verb.option("--first-layers", a->first_layers, "Over whole inputs, or split into a part a node (see below)")
       .check(one_of({"whole", "split"}))
       .show_default();
-  verb.option("--device", a->device, "auto, cpu or cuda").show_default();
+  verb.option("--device", a->device, "auto, cpu or cuda").suggest({"auto", "cpu", "cuda"}).show_default();
   verb.option("--threads", a->timing.threads, "CPU threads (0: all)").check(whole_number(0, 4096)).show_default();
-  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)");
+  verb.option("--json", a->json, "Write the result as JSON to this file (-: standard output)").names_file({".json"});
   verb.footer(
       "Inference in f32 on the CPU, with TF32 products on a GPU. First layers 'whole': over concatenated inputs, in\n"
       "libtorch's own operations, as the papers write the networks; 'split': as training and Graupel's engine "

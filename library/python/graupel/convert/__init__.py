@@ -21,9 +21,10 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     from .._program import PROGRAM
     os.environ.setdefault("HDF5_PLUGIN_PRELOAD", "::")  # files must not load filters from the disk
     try:
-        from .command import FORMATS, result_of
+        from .command import result_of
         from .conversion import Conversion
         from .errors import ConvertError
+        from .flags import FORMATS
         from .scenes import Program
     except ImportError as error:
         raise _errors.ConfigError(f"converting data sets needs h5py ({error}). Run pip install h5py") from error

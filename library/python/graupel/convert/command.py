@@ -1,7 +1,5 @@
-"""The command: flags, progress, messages and exit codes."""
-import argparse
+"""The command: progress, messages and exit codes."""
 import json
-import math
 import os
 import signal
 import sys
@@ -10,64 +8,14 @@ import traceback
 
 from .conversion import Conversion
 from .errors import ConfigError, ConvertError, Interrupted, writing
+from .flags import make_parser
 from .metadata import json_text
 from .scenes import Program
 from .series import SPLITS
 
-FOOTER = """\
-Positions keep their bits. Types: gns and tfrecord 3 obstacle, 4 jelly, 5 water, 6 sand, 7 toothpaste (goop), 8 snow;
-lagrangebench 0 water, 1 obstacle (wall), 2 stationary (moving wall), 4 jelly, 6 sand, 7 toothpaste, 8 snow.
-Other programs' data have no scene: walls come from their bounds, gravity is 0 unless --set says otherwise.
-Their pickles are never executed. The output appears when all of it is written.
-Weights (.safetensors) take --numbers f32, f16, bf16 or i8 (8 bits for matrices but those
-that begin with the names of --keep) alone; a scene (.json) is written with every key, after --set.
-
-Examples:
-  graupel convert data/hgn data/hgn-gns --format gns
-  graupel convert WaterDropSample data/water --set gravity=[0,-9.8,0]
-  graupel convert 3D_LDC_8160_10kevery100 data/ldc --types 2=obstacle --split train,valid
-  graupel convert runs/hgn/weights.safetensors models/hgn.safetensors --numbers f16"""
-
-
-FORMATS = ("graupel", "gns", "lagrangebench", "tfrecord")
-
-
-def above_zero(text):
-    value = float(text)
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError
-    return value
-
-
-above_zero.__name__ = "number above 0"
-
-
-class Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise ConfigError(f"{message}\nRun 'graupel convert --help' for the flags.")
-
 
 def parse(arguments):
-    parser = Parser(prog="graupel convert", epilog=FOOTER, formatter_class=argparse.RawDescriptionHelpFormatter,
-                    description="Convert data sets: Graupel's, geoelements/gns, LagrangeBench, TFRecord; shorten weights")
-    parser.add_argument("input", help="Folder of a data set; its files say which format it has. Or weights, or a scene")
-    parser.add_argument("output", help="Folder, or file of weights, to make")
-    parser.add_argument("-f", "--format", choices=FORMATS, default="graupel",
-                        help="Format of the output: graupel (default), gns (.npz), lagrangebench (.h5) or tfrecord "
-                             "(learning_to_simulate)")
-    parser.add_argument("--types", default="",
-                        help="Particle types of the other program: NUMBER=MATERIAL,..., or NUMBER=obstacle; the rest as below")
-    parser.add_argument("--split", action="append", default=[], metavar="NAME",
-                        help="Convert these alone: train,valid,test (default: all there are)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
-                        help="Change a key of the scenes that are made: --set gravity=[0,-9.8,0] --set domain.dx=0.02")
-    parser.add_argument("--connectivity-radius", type=above_zero, metavar="R",
-                        help="Written to metadata.json for graph networks [m]; default the input's")
-    parser.add_argument("--numbers", choices=("f32", "f16", "bf16", "i8"),
-                        help="Of weights; i8: matrices of a network in 8 bits")
-    parser.add_argument("--keep", metavar="NAMES", help="Of weights in i8: what stays in 16 bits, down.0.,up.0.")
-    parser.add_argument("--json", default="", metavar="FILE", help="Write the result as JSON to a file, or - for standard output")
-    parser.add_argument("--threads", help=argparse.SUPPRESS)  # every verb takes it; it changes nothing here
+    parser = make_parser()
     options = parser.parse_args(arguments)
     options.split = [name for names in options.split for name in names.split(",")]
     for name in options.split:
