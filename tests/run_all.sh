@@ -45,6 +45,7 @@ if [ -z "$filter" ]; then
   check "formats of tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_formats_test.py
   check "networks in NumPy by docs/reference/networks.md" /usr/bin/python3 tests/tools/numpy_inference.py
   check "installed package: headers, examples, programs" /usr/bin/python3 tests/package/package_test.py
+  check "man pages; completion in bash, zsh, fish" /usr/bin/python3 tests/package/manual_test.py
   check "Python wheel in a clean environment" /usr/bin/python3 tests/python/wheel_test.py --in-build
   # Of the programs' libraries those that are there; the others are named as skipped.
   python=/usr/bin/python3

@@ -75,13 +75,13 @@ end
 complete -c @name@ -f
 )";
 
-std::string quoted(const std::string& text) {
+std::string fish_quoted(const std::string& text) {
   return "'" + replaced(replaced(replaced(text, "\\", "\\\\"), "'", "\\'"), "\n", " ") + "'";
 }
 
 std::string quoted_words(const std::vector<std::string>& words) {
   std::string all;
-  for (const std::string& word : words) all += (all.empty() ? "" : " ") + quoted(word);
+  for (const std::string& word : words) all += (all.empty() ? "" : " ") + fish_quoted(word);
   return all.empty() ? "''" : all;
 }
 
@@ -90,7 +90,7 @@ std::string offer(const std::string& name, const OptionDescription& option) {
   std::vector<std::string> words = option.choices;
   words.insert(words.end(), option.suggestions.begin(), option.suggestions.end());
   std::string calls;
-  const std::string delimiter = " " + quoted(option.delimiter);
+  const std::string delimiter = " " + fish_quoted(option.delimiter);
   if (!words.empty()) calls += fmt::format("(__{}_words{} {})", name, delimiter, quoted_words(words));
   if (option.names_file || option.names_folder) {
     // A name that ends so is a folder's.
@@ -99,18 +99,19 @@ std::string offer(const std::string& name, const OptionDescription& option) {
     calls += fmt::format("{}(__{}_files{}{})", calls.empty() ? "" : " ", name, delimiter,
                          endings.empty() ? "" : " " + quoted_words(endings));
   }
-  return calls.empty() ? "" : " -a " + quoted(calls);
+  return calls.empty() ? "" : " -a " + fish_quoted(calls);
 }
 
 std::string condition(const std::string& name, const std::string& command, int words) {
-  return "-n " + quoted(fmt::format("__{}_at {} {}", name, quoted(command), words));
+  return "-n " + fish_quoted(fmt::format("__{}_at {} {}", name, fish_quoted(command), words));
 }
 
 std::string lines_of(const CommandPath& path, const std::string& name) {
   const std::string front = "complete -c " + name + " ", command = path.joined(" ");
   std::string lines = "\n";
   for (const CommandDescription& other : path.command->commands)
-    lines += front + condition(name, command, 0) + " -a " + quoted(other.name) + " -d " + quoted(other.text) + "\n";
+    lines += front + condition(name, command, 0) + " -a " + fish_quoted(other.name) + " -d " + fish_quoted(other.text) +
+             "\n";
   int place = 0;
   for (const OptionDescription& option : path.command->options) {
     std::string flags;
@@ -118,7 +119,7 @@ std::string lines_of(const CommandPath& path, const std::string& name) {
       flags += flag.starts_with("--") ? " -l " + flag.substr(2) : " -s " + flag.substr(1);
     if (!flags.empty()) {
       const std::string value = option.value.empty() ? "" : " -x" + offer(name, option);
-      lines += front + condition(name, command, -1) + flags + " -d " + quoted(option.text) + value + "\n";
+      lines += front + condition(name, command, -1) + flags + " -d " + fish_quoted(option.text) + value + "\n";
     }
     if (option.word.empty()) continue;
     const std::string offered = offer(name, option);

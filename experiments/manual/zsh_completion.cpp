@@ -9,7 +9,7 @@ namespace graupel::experiments {
 namespace {
 
 /// In single quotes.
-std::string quoted(const std::string& text) { return "'" + replaced(text, "'", "'\\''") + "'"; }
+std::string zsh_quoted(const std::string& text) { return "'" + replaced(text, "'", "'\\''") + "'"; }
 
 /// Text inside [...] of _arguments, and where a colon ends it.
 std::string plain(std::string text) {
@@ -48,8 +48,8 @@ std::string list_function(const OptionDescription& option, const std::string& na
   std::vector<std::string> words = option.choices;
   words.insert(words.end(), option.suggestions.begin(), option.suggestions.end());
   std::string body;
-  if (!words.empty()) body += " " + quoted("words:value:" + words_action(words));
-  if (option.names_file || option.names_folder) body += " " + quoted("files:file:" + files_action(option));
+  if (!words.empty()) body += " " + zsh_quoted("words:value:" + words_action(words));
+  if (option.names_file || option.names_folder) body += " " + zsh_quoted("files:file:" + files_action(option));
   return body.empty() ? "" : name + "() {\n  _alternative" + body + "\n}\n\n";
 }
 
@@ -65,12 +65,12 @@ std::string option_line(const OptionDescription& option, const std::string& list
   if (!option.value.empty()) value = ":" + plain(option.value) + ":" + action(option, list);
   const std::string front = option.repeats ? "*" : several ? "(" + all + ")" : "";
   const std::string rest = "[" + plain(option.text) + "]" + value;
-  return several ? quoted(front) + "{" + names + "}" + quoted(rest) : quoted(front + names + rest);
+  return several ? zsh_quoted(front) + "{" + names + "}" + zsh_quoted(rest) : zsh_quoted(front + names + rest);
 }
 
 std::string word_line(const OptionDescription& option, const std::string& list) {
   const std::string front = option.many ? "*:" : option.required ? ":" : "::";
-  return quoted(front + plain(option.word) + ":" + action(option, list));
+  return zsh_quoted(front + plain(option.word) + ":" + action(option, list));
 }
 
 std::string function_of(const CommandPath& path) {
@@ -90,7 +90,7 @@ std::string function_of(const CommandPath& path) {
 
   std::string commands, cases;
   for (const CommandDescription& other : path.command->commands) {
-    commands += "    " + quoted(replaced(other.name, ":", "\\:") + ":" + replaced(other.text, "\n", " ")) + "\n";
+    commands += "    " + zsh_quoted(replaced(other.name, ":", "\\:") + ":" + replaced(other.text, "\n", " ")) + "\n";
     cases += fmt::format("    {}) {}_{} ;;\n", other.name, name, other.name);
   }
   add("':command:->command'");

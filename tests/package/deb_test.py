@@ -50,6 +50,9 @@ def try_program(debian, package):
     debian.run(f"apt-get install -y -q --no-install-recommends /tmp/{os.path.basename(package)}")
     facts = json.loads(debian.run("graupel doctor --json - 2>/dev/null"))["facts"]
     assert "avx2" in facts["instruction set"] or "baseline" in facts["instruction set"], facts
+    debian.run("test -s /usr/share/man/man1/graupel-simulate.1 -a -s /usr/share/zsh/vendor-completions/_graupel "
+               "-a -s /usr/share/fish/vendor_completions.d/graupel.fish")
+    debian.run("bash -c 'source /usr/share/bash-completion/completions/graupel && complete -p graupel'")
     debian.run("cd /tmp && graupel simulate /usr/share/graupel/scenes/shared/water_steps.json -o steps.h5 --frames 3")
     debian.run("cd /tmp && graupel rollout /usr/share/graupel/models/hgn.safetensors "
                "/usr/share/graupel/scenes/shared/water_steps.json -o predicted.h5 --frames 4")
