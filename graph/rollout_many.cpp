@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "core/parallel/parallel_tasks.h"
+#include "core/parallel/start_task.h"
 #include "core/system/error.h"
 #include "graph/config/network_config.h"
 #include "graph/cuda_batch.h"
@@ -221,8 +222,8 @@ void LearnedSimulator::rollout_batches(const std::vector<SceneRollout>& scenes,
     cost.seconds += batch_->seconds();
     give_last();
     batch_->keep_frames();
-    of_last = std::async(std::launch::async, [this, &scenes, &batch, threads = num_threads()] {
-      set_num_threads(threads);  // of the new thread
+    of_last = start_task([this, &scenes, &batch, threads = num_threads()] {
+      set_num_threads(threads);  // of this thread
       return kept_trajectories(*batch_, scenes, batch, weights_->file);
     });
     last = &batch;

@@ -8,9 +8,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 
 #include "core/parallel/device.h"
 #include "core/parallel/thread_team.h"
@@ -31,6 +33,22 @@ struct InRegion {
 /// OpenVDB's loops, which run on oneTBB, have one thread.
 const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
 #endif
+
+/// What the first of some threads has thrown. The scheduler itself would need memory to hand it on.
+class FirstError {
+ public:
+  void keep() noexcept {
+    if (!taken_.test_and_set()) error_ = std::current_exception();
+  }
+  /// When all threads are done.
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  std::atomic_flag taken_;
+  std::exception_ptr error_;
+};
 
 /// Arenas are never destroyed: a worker may still be in one when the program ends.
 tbb::task_arena& arena_of(int threads) {
@@ -55,16 +73,27 @@ void run_chunks(int64_t chunks, const void* context, void (*run)(const void* con
     return;
   }
   std::atomic<int64_t> next{0};
+  FirstError error;
   const auto take_chunks = [&](int slot) {
     const InRegion region(slot);
-    for (int64_t c; (c = next.fetch_add(1, std::memory_order_relaxed)) < chunks;) run(context, c);
+    try {
+      for (int64_t c; (c = next.fetch_add(1, std::memory_order_relaxed)) < chunks;) run(context, c);
+    } catch (...) {
+      error.keep();
+      next = chunks;
+    }
   };
 #ifdef GRAUPEL_THREAD_SANITIZER
   run_team(threads, take_chunks);
 #else
   const auto of_this_thread = [&](int) { take_chunks(tbb::this_task_arena::current_thread_index()); };
-  arena_of(num_threads()).execute([&] { tbb::parallel_for(0, threads, of_this_thread, tbb::simple_partitioner()); });
+  try {
+    arena_of(num_threads()).execute([&] { tbb::parallel_for(0, threads, of_this_thread, tbb::simple_partitioner()); });
+  } catch (const std::bad_alloc&) {  // of the scheduler's own tasks
+    take_chunks(0);
+  }
 #endif
+  error.rethrow();
 }
 
 int thread_slot() { return std::max(0, slot_in_region); }

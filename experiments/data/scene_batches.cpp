@@ -9,9 +9,11 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 #include "core/parallel/parallel_tasks.h"
+#include "core/parallel/start_task.h"
 #include "core/system/error.h"
 #include "core/system/unfinished_file.h"
 #include "experiments/process/process.h"
@@ -77,7 +79,11 @@ class SceneRunner {
   void run() {
     std::vector<std::thread> workers;
     workers.reserve(static_cast<std::size_t>(workers_));
-    for (int i = 0; i < workers_; ++i) workers.emplace_back([this] { work(); });
+    try {
+      while (static_cast<int>(workers.size()) < workers_) workers.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {  // those that there are do all
+    }
+    if (workers.empty()) work();
     for (std::thread& worker : workers) worker.join();
     if (failure_) std::rethrow_exception(failure_);
     if (finished_ == total_) progress_.done();
@@ -228,8 +234,7 @@ bool SceneRunner::advance(mpm::SceneBatch& batch, const Jobs& jobs, const Files&
     block.usable.clear();
     for (int i = 0; i < batch.scene_count(); ++i) block.usable.push_back(!batch.divergence(i));
     if (writing.valid()) writing.get();
-    writing =
-        std::async(std::launch::async, [this, &jobs, &files, full = std::move(block)] { write(full, jobs, files); });
+    writing = start_task([this, &jobs, &files, full = std::move(block)] { write(full, jobs, files); });
     block = {};
   }
   return true;

@@ -13,6 +13,7 @@
 
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
+#include "core/system/last_resort.h"
 #include "core/system/printable.h"
 #include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
@@ -29,6 +30,8 @@ const char* const environment_help =
     "matrix units.";
 
 namespace {
+
+constexpr const char* less_memory = "Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)";
 
 /// Waiting OpenMP threads spin for a few microseconds and then sleep. libgomp's default (seconds of spinning) makes two
 /// threads slower than one wherever another process wants the cores, and it reads its settings before main: so the
@@ -67,15 +70,14 @@ int run_command(int argc, char** argv, const char* name, const char* description
 int run_program(int argc, char** argv, const char* name, const char* description,
                 const std::function<void(const CommandLine&, int&)>& declare) {
   limit_spinning(argv);
+  install_last_resort(name, less_memory);
   try {
     return run_command(argc, argv, name, description, declare);
   } catch (const Error& error) {
     std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr,
-                 "%s: out of memory. Use fewer particles or a coarser grid ('graupel simulate --dry-run' tells)\n",
-                 name);
+    std::fprintf(stderr, "%s: out of memory. %s\n", name, less_memory);
   } catch (const std::system_error& error) {
     const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
     std::fprintf(stderr, "%s: %s%s\n", name, printable(error.what()).c_str(),

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <system_error>
 #include <vector>
 
 #include "core/system/error.h"
@@ -159,12 +160,18 @@ void HttpServer::start_connection(int socket) {
   ::setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
   Connection& connection = connections_.emplace_back();
   connection.socket = socket;
-  connection.thread = std::thread([this, &connection] {
-    serve(connection.socket);
-    const std::lock_guard done_lock(mutex_);
-    ::close(connection.socket);
-    connection.done = true;
-  });
+  try {
+    connection.thread = std::thread([this, &connection] {
+      serve(connection.socket);
+      const std::lock_guard done_lock(mutex_);
+      ::close(connection.socket);
+      connection.done = true;
+    });
+  } catch (const std::system_error&) {
+    connections_.pop_back();
+    send_text(socket, 503, "text/plain", "the system starts no more threads", false);
+    ::close(socket);
+  }
 }
 
 void HttpServer::drop_finished() {

@@ -5,6 +5,9 @@
 #include <new>
 #include <string_view>
 
+#include "core/system/last_resort.h"
+#include "io/hdf5/output_driver.h"
+
 namespace graupel::io::hdf5 {
 
 namespace {
@@ -25,16 +28,30 @@ struct ErrorTexts {
   bool no_memory = false;
 };
 
+/// No exception passes through the library, which is in C.
+template <typename Body>
+herr_t without_exception(const Body& body) noexcept {
+  try {
+    return body();
+  } catch (const std::bad_alloc&) {
+    return -1;
+  }
+}
+
 herr_t collect_error(unsigned, const H5E_error2_t* error, void* out) {
   auto& texts = *static_cast<ErrorTexts*>(out);
-  if (error->desc == nullptr) return 0;
-  const std::string text = std::string(error->desc).substr(0, 1000);
-  constexpr std::string_view key = "error message = '";
-  if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
-    texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
-  texts.no_memory = texts.no_memory || text.find("memory allocation failed") != std::string::npos;
-  if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));
-  return 0;
+  const herr_t status = without_exception([&]() -> herr_t {
+    if (error->desc == nullptr) return 0;
+    const std::string text = std::string(error->desc).substr(0, 1000);
+    constexpr std::string_view key = "error message = '";
+    if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
+      texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
+    texts.no_memory = texts.no_memory || (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE);
+    if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));
+    return 0;
+  });
+  texts.no_memory = texts.no_memory || status < 0;
+  return status;
 }
 
 Handle property_list(hid_t kind) { return {H5Pcreate(kind), H5Pclose, "cannot make an HDF5 property list"}; }
@@ -116,14 +133,18 @@ std::optional<T> number_attribute(hid_t object, const std::string& name, hid_t m
 }
 
 herr_t collect_link(hid_t, const char* name, const H5L_info_t* info, void* out) {
-  if (info->type != H5L_TYPE_HARD) return -1;
-  static_cast<std::vector<std::string>*>(out)->push_back(name);
-  return 0;
+  return without_exception([&]() -> herr_t {
+    if (info->type != H5L_TYPE_HARD) return -1;
+    static_cast<std::vector<std::string>*>(out)->push_back(name);
+    return 0;
+  });
 }
 
 herr_t collect_attribute(hid_t, const char* name, const H5A_info_t*, void* out) {
-  static_cast<std::vector<std::string>*>(out)->push_back(name);
-  return 0;
+  return without_exception([&]() -> herr_t {
+    static_cast<std::vector<std::string>*>(out)->push_back(name);
+    return 0;
+  });
 }
 
 }  // namespace
@@ -131,7 +152,10 @@ herr_t collect_attribute(hid_t, const char* name, const H5A_info_t*, void* out) 
 void fail(const std::string& what) {
   ErrorTexts texts;
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect_error, &texts);
-  if (texts.no_memory) throw std::bad_alloc();
+  if (texts.no_memory) {
+    note_out_of_memory();
+    throw std::bad_alloc();
+  }
   if (!texts.of_system.empty()) texts.all = {texts.of_system};
   std::string message = what;
   for (std::size_t i = 0; i < texts.all.size(); ++i) message += (i == 0 ? ": " : "; ") + texts.all[i];
@@ -153,6 +177,7 @@ Handle create_file(const std::string& path) {
   prepare();
   const Handle access = property_list(H5P_FILE_ACCESS);
   check(H5Pset_libver_bounds(access, H5F_LIBVER_EARLIEST, H5F_LIBVER_V110), "cannot set up HDF5");
+  use_output_driver(access);
   keep_metadata_until_flush(access);
   const Handle creation = property_list(H5P_FILE_CREATE);
   check(H5Pset_obj_track_times(creation, false), "cannot set up HDF5");

@@ -44,6 +44,7 @@ Handle creation_properties(const DatasetLayout& layout) {
   const double zero = 0;  // unused ends of chunks are zeros, so that the same content gives the same bytes
   check(H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &zero), what);
   check(H5Pset_fill_time(creation, H5D_FILL_TIME_ALLOC), what);
+  if (layout.early) check(H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY), what);
   if (layout.checksum) check(H5Pset_shuffle(creation), what);
   if (layout.deflate > 0) check(H5Pset_deflate(creation, static_cast<unsigned>(layout.deflate)), what);
   if (layout.checksum) check(H5Pset_fletcher32(creation), what);

@@ -18,6 +18,7 @@ struct DatasetLayout {
   std::vector<hsize_t> chunk = {};  ///< empty: one block
   int deflate = 0;                  ///< 0..9
   bool checksum = false;            ///< fletcher32 of each chunk, and byte shuffle before deflate
+  bool early = false;               ///< chunks get their place when the dataset grows, not when they are flushed
   std::string units = {};
   std::string description = {};
 };

@@ -37,6 +37,7 @@ ContactWriter::ContactWriter(hid_t group, const std::vector<std::string>& names)
                                         {.element = hdf5::Element::float64,
                                          .size = {0, surfaces_, 3},
                                          .chunk = {chunk_rows(surfaces_), surfaces_, 3},
+                                         .early = true,
                                          .units = quantities[q].units,
                                          .description = quantities[q].description});
 }

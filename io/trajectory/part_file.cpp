@@ -1,6 +1,7 @@
 #include "io/trajectory/part_file.h"
 
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -11,6 +12,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/file_lock.h"
+#include "io/hdf5/output_driver.h"
 
 namespace graupel::io {
 
@@ -19,6 +21,11 @@ namespace {
 ino_t number_of(const std::string& file) {
   struct stat status {};
   return ::stat(file.c_str(), &status) == 0 ? status.st_ino : 0;
+}
+
+off_t size_of(const std::string& file) {
+  struct stat status {};
+  return ::stat(file.c_str(), &status) == 0 ? status.st_size : -1;
 }
 
 FileLock lock_part_file(const std::string& part) {
@@ -46,6 +53,7 @@ hdf5::Handle create_part_file(const std::string& part) {
     return file;
   } catch (...) {
     ::unlink(aside.c_str());
+    if (size_of(part) == 0) ::unlink(part.c_str());  // made for its lock
     throw;
   }
 }
@@ -65,11 +73,22 @@ void replace_part_file(const std::string& aside, const std::string& part) {
 void finish_part_file(hdf5::Handle& file, const std::string& path) {
   const std::string part = path + ".part";
   const ino_t mine = number_of(part);
-  file.close("cannot close the file");
+  hdf5::close_written(file);
   const auto hold = FileLock::attempt(part, LockKind::exclusive);
   if (!hold || number_of(part) != mine)
     throw IoError("another run has taken '" + part + "' while this one ended. Run it again with another output");
   graupel::finish_part_file(path);
+}
+
+std::string write_remedy(const std::string& folder, uint64_t needed, const std::string& problem) {
+  struct statvfs disk {};
+  const bool known = ::statvfs(folder.c_str(), &disk) == 0;
+  const uint64_t free_bytes = known ? uint64_t(disk.f_bavail) * disk.f_frsize : 0;
+  const auto says = [&](const char* text) { return problem.find(text) != std::string::npos; };
+  if (says("No space left") || says("quota") || (known && free_bytes < needed))
+    return "(disk full: " + std::to_string(needed) + " bytes needed, " + std::to_string(free_bytes) +
+           " free). Free space on that disk or choose another folder";
+  return "(" + problem + "). Check the disk or choose another folder";
 }
 
 }  // namespace graupel::io

@@ -1,6 +1,7 @@
 // The file `<path>.part` that a trajectory is written to: one writer at a time.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "io/hdf5/hdf5.h"
@@ -20,5 +21,8 @@ void replace_part_file(const std::string& aside, const std::string& part);
 
 /// Closes the file `path`.part and gives it its final name. Throws IoError and hdf5::Failure.
 void finish_part_file(hdf5::Handle& file, const std::string& path);
+
+/// How a message on a failed write of `needed` bytes to a folder ends: "(<what the system says>). <remedy>".
+std::string write_remedy(const std::string& folder, uint64_t needed, const std::string& problem);
 
 }  // namespace graupel::io

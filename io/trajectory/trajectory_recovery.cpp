@@ -6,6 +6,7 @@
 #include "core/system/file_lock.h"
 #include "core/system/unfinished_file.h"
 #include "io/hdf5/hdf5_dataset.h"
+#include "io/hdf5/output_driver.h"
 #include "io/trajectory/part_file.h"
 #include "io/trajectory/recovered_file.h"
 #include "io/trajectory/trajectory_file.h"
@@ -65,10 +66,14 @@ void write_merged(hid_t out, const std::vector<std::string>& parts) {
   hdf5::write_attribute(out, "format", trajectory_format);
   hdf5::write_attribute(out, "format_version", trajectory_format_version);
   hdf5::write_attribute(out, "complete", int64_t(0));
-  for (std::size_t i = 0; i < parts.size(); ++i) merge_into(out, parts[i], static_cast<int64_t>(i));
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    merge_into(out, parts[i], static_cast<int64_t>(i));
+    hdf5::check_written(out);
+  }
   hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
   hdf5::write_attribute(out, "complete", int64_t(1));
   hdf5::check(H5Fflush(out, H5F_SCOPE_LOCAL), "cannot flush");
+  hdf5::check_written(out);
 }
 
 /// `whole`: the file to make; "": none, the frames are counted.

@@ -1,6 +1,5 @@
 // Streams a trajectory to HDF5. Whole chunks only are written, once each, and metadata leaves memory at flushes only:
 // a kill can cost the frames since the last flush, never earlier ones.
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "io/hdf5/hdf5_dataset.h"
+#include "io/hdf5/output_driver.h"
 #include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
 #include "io/trajectory/part_file.h"
@@ -27,18 +27,6 @@ constexpr int64_t most_chunk_frames = 8;
 constexpr int64_t particle_bytes = sizeof(Vec3f);
 constexpr hsize_t time_chunk = 512;
 static_assert(sizeof(Vec3f) == 3 * sizeof(float));
-
-/// " Free space ..." or what else helps.
-std::string remedy(const std::string& folder, uint64_t needed, const std::string& problem) {
-  struct statvfs disk {};
-  const bool known = ::statvfs(folder.c_str(), &disk) == 0;
-  const uint64_t free_bytes = known ? uint64_t(disk.f_bavail) * disk.f_frsize : 0;
-  const auto says = [&](const char* text) { return problem.find(text) != std::string::npos; };
-  if (says("No space left") || says("quota") || (known && free_bytes < needed))
-    return "(disk full: " + std::to_string(needed) + " bytes needed, " + std::to_string(free_bytes) +
-           " free). Free space on that disk or choose another folder";
-  return "(" + problem + "). Check the disk or choose another folder";
-}
 
 /// A dataset with one row a frame.
 struct FrameDataset {
@@ -70,6 +58,7 @@ struct TrajectoryWriter::Impl {
   bool closed = false;
 
   void start(const Trajectory& header, hdf5::Handle empty_file);
+  void start_new_file(const Trajectory& header);
   void write_header(const Trajectory& header);
   void choose_chunks();
   hsize_t chunk_particles(int64_t bytes) const;
@@ -91,13 +80,15 @@ struct TrajectoryWriter::Impl {
     const auto hold = hdf5::library_lock();
     try {
       body();
+      if (file.is_open()) hdf5::check_written(file);
     } catch (const hdf5::Failure& failure) {
       closed = true;
       const std::string folder = std::filesystem::absolute(path).parent_path().string();
       const uint64_t frames = written - flushed + pending.size();  // not safely on disk yet
       const uint64_t needed = (frames + 1) * particles * static_cast<uint64_t>(particle_frame_bytes(options));
-      throw IoError("cannot " + doing + " '" + part + "' " + remedy(folder, needed, failure.what()) + "; the " +
-                    std::to_string(flushed) + " frames flushed so far can be recovered");
+      throw IoError(
+          "cannot " + doing + " '" + part + "' " + write_remedy(folder, needed, failure.what()) +
+          (flushed == 0 ? "" : "; the " + std::to_string(flushed) + " frames flushed so far can be recovered"));
     }
   }
 };
@@ -179,6 +170,7 @@ void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_
                               {.element = hdf5::Element::float64,
                                .size = {0},
                                .chunk = {time_chunk},
+                               .early = true,
                                .units = "s",
                                .description = "Time of each frame"});
   const hdf5::Handle types = hdf5::create_dataset(group, "particle_type",
@@ -190,6 +182,21 @@ void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_
   hdf5::write_all(types, hdf5::Element::int32, header.particle_type.data());
   if (!options.contacts.empty()) contacts.emplace(group, options.contacts);
   flush();
+}
+
+/// Where that fails, the file is removed: it holds nothing.
+void TrajectoryWriter::Impl::start_new_file(const Trajectory& header) {
+  bool mine = false;
+  try {
+    guarded("start", [&] {
+      hdf5::Handle empty_file = create_part_file(part);
+      mine = true;
+      start(header, std::move(empty_file));
+    });
+  } catch (...) {
+    if (mine) remove_path(part);
+    throw;
+  }
 }
 
 void TrajectoryWriter::Impl::store_initial_velocity(const ParticleFrame& frame) {
@@ -264,6 +271,7 @@ void TrajectoryWriter::Impl::write_pending(const std::vector<hdf5::ChunkRow>& ro
 
 void TrajectoryWriter::Impl::flush() {
   hdf5::check(H5Fflush(file, H5F_SCOPE_LOCAL), "cannot flush");
+  hdf5::check_written(file);
   flushed = written;
 }
 
@@ -287,7 +295,7 @@ void TrajectoryWriter::Impl::close_all(int64_t diverged_at_frame) {
 void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint) {
   auto found = find_interrupted(path, header, options, checkpoint);
   if (!found) {
-    guarded("start", [&] { start(header, create_part_file(part)); });
+    start_new_file(header);
     append(checkpoint.recent.back());
     if (contacts) guarded("write to", [&] { contacts->append(FrameForces(options.contacts.size())); });
     return;
@@ -295,12 +303,12 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
   std::string aside;
   try {
     guarded("start", [&] { start(header, create_aside_file(part, aside)); });
-    copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) { append(frame); });
-    guarded("write to", [&] {
-      for (hsize_t row = 0; contacts && row < written + pending.size(); ++row)
-        contacts->append(found->frames.contact_forces(row));
-      flush();
+    hsize_t row = 0;
+    copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) {
+      append(frame);
+      if (contacts) guarded("write forces to", [&] { contacts->append(found->frames.contact_forces(row++)); });
     });
+    guarded("write to", [&] { flush(); });
     found.reset();
     replace_part_file(aside, part);
   } catch (...) {
@@ -332,7 +340,7 @@ TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& he
   impl_->part = path + ".part";
   impl_->options = options;
   impl_->particles = header.particle_count();
-  impl_->guarded("start", [&] { impl_->start(header, create_part_file(impl_->part)); });
+  impl_->start_new_file(header);
 }
 
 TrajectoryWriter::TrajectoryWriter(const std::string& path, const Trajectory& header,

@@ -366,25 +366,35 @@ int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
 }  // extern "C"
 
 namespace {
+/// As operator new does: the program's handler is asked first.
 void* checked(void* memory) {
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
+  if (memory != nullptr) return memory;
+  if (const std::new_handler handler = std::get_new_handler()) handler();
+  throw std::bad_alloc();
+}
+void* null_where_it_throws(void* memory) noexcept {
+  try {
+    return checked(memory);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
 }
 std::size_t at_least_one(std::size_t size) { return size == 0 ? 1 : size; }
 }  // namespace
 
-#define GRAUPEL_NEW(name)                                                                                  \
-  void* name(std::size_t size) {                                                                           \
-    return checked(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_malloc(at_least_one(size)));             \
-  }                                                                                                        \
-  void* name(std::size_t size, const std::nothrow_t&) noexcept {                                           \
-    return GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_malloc(at_least_one(size));                      \
-  }                                                                                                        \
-  void* name(std::size_t size, std::align_val_t alignment) {                                               \
-    return checked(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_memalign(std::size_t(alignment), size)); \
-  }                                                                                                        \
-  void* name(std::size_t size, std::align_val_t alignment, const std::nothrow_t&) noexcept {               \
-    return GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_memalign(std::size_t(alignment), size);          \
+#define GRAUPEL_NEW(name)                                                                                     \
+  void* name(std::size_t size) {                                                                              \
+    return checked(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_malloc(at_least_one(size)));                \
+  }                                                                                                           \
+  void* name(std::size_t size, const std::nothrow_t&) noexcept {                                              \
+    return null_where_it_throws(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_malloc(at_least_one(size)));   \
+  }                                                                                                           \
+  void* name(std::size_t size, std::align_val_t alignment) {                                                  \
+    return checked(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr : __libc_memalign(std::size_t(alignment), size));    \
+  }                                                                                                           \
+  void* name(std::size_t size, std::align_val_t alignment, const std::nothrow_t&) noexcept {                  \
+    return null_where_it_throws(GRAUPEL_FAILS_TO_ALLOCATE() ? nullptr                                         \
+                                                            : __libc_memalign(std::size_t(alignment), size)); \
   }
 GRAUPEL_NEW(operator new)
 GRAUPEL_NEW(operator new[])

@@ -98,6 +98,37 @@ TEST(StoredForces, GoOnWhereTheSavedStateIs) {
   }
 }
 
+TEST(StoredForces, AResumedRunHasTheBytesOfAnUninterruptedOne) {
+  const TemporaryFolder folder;
+  const auto run = [&](TrajectoryWriter& writer, int64_t first, int64_t state_every) {
+    for (int64_t f = first; f <= 20; ++f) {
+      write_frames(writer, f, f);
+      if (f % state_every == 0) writer.checkpoint();
+    }
+    writer.finish();
+  };
+  const std::string whole = folder.file("whole.h5");
+  {
+    TrajectoryWriter writer(whole, sample_header(particles), with_forces);
+    run(writer, 0, 1000);
+  }
+  for (const int64_t saved : {0, 3, 6, 12, 20})
+    for (const bool complete : {false, true}) {
+      const std::string path = folder.file("run.h5");
+      TrajectoryCheckpoint checkpoint;
+      {
+        TrajectoryWriter writer(path, sample_header(particles), with_forces);
+        write_frames(writer, 0, saved);
+        checkpoint = {saved, writer.checkpoint()};
+        if (checkpoint.recent.empty()) checkpoint.recent = {frame_at(saved)};
+        if (complete) run(writer, saved + 1, 6);
+      }
+      TrajectoryWriter writer(path, sample_header(particles), with_forces, checkpoint);
+      run(writer, saved + 1, 5);
+      EXPECT_TRUE(read_file(path) == read_file(whole)) << saved << (complete ? ", complete" : "");
+    }
+}
+
 TEST(StoredForces, AFileWithoutThemCannotGoOnWithThem) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.h5");

@@ -5,6 +5,7 @@
 
 #include "core/system/error.h"
 #include "expect_error.h"
+#include "file_size_limit.h"
 #include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
 #include "temporary_folder.h"
@@ -182,6 +183,55 @@ TEST(Merge, KeepsTrajectoriesInOrder) {
     EXPECT_EQ(read.scene_json, sample_header(1).scene_json);
     for (int k = 0; k < 4; ++k) EXPECT_TRUE(same_frame(read.frames[k], sample_frame(10 + i, k + i)));
   }
+}
+
+TEST(Merge, ADiskThatIsFullAtAnyByteIsAnErrorThatLeavesNothing) {
+  TemporaryFolder folder;
+  std::vector<std::string> parts;
+  for (int i = 0; i < 3; ++i) {
+    parts.push_back(folder.file("p" + std::to_string(i) + ".h5"));
+    TrajectoryWriter writer(parts.back(), sample_header(200));
+    for (int k = 0; k < 20; ++k) writer.append(sample_frame(200, k));
+    writer.finish();
+  }
+  const std::string merged = folder.file("train.h5");
+  merge_trajectories(parts, merged);
+  const auto size = std::filesystem::file_size(merged);
+  std::filesystem::remove(merged);
+  for (rlim_t limit = 1; limit < size; limit += size / 61) {
+    const FileSizeLimit disk(limit);
+    expect_error<IoError>([&] { merge_trajectories(parts, merged); }, {merged, "File too large", "Free space"});
+    EXPECT_FALSE(std::filesystem::exists(merged)) << limit;
+    EXPECT_FALSE(std::filesystem::exists(merged + ".part")) << limit;
+  }
+  merge_trajectories(parts, merged);  // the library is whole
+  EXPECT_EQ(std::filesystem::file_size(merged), size);
+}
+
+TEST(Writer, AFullDiskLeavesWhatWasFlushedOrNothing) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  const auto write = [&] {
+    TrajectoryWriter writer(path, sample_header(200), {.flush_every = 4});
+    for (int k = 0; k < 20; ++k) writer.append(sample_frame(200, k));
+    writer.finish();
+  };
+  write();
+  const auto size = std::filesystem::file_size(path);
+  std::filesystem::remove(path);
+  int64_t kept = 0;
+  for (rlim_t limit = 1; limit < size; limit += size / 61) {
+    {
+      const FileSizeLimit disk(limit);
+      expect_error<IoError>(write, {path + ".part", "File too large"});
+    }
+    EXPECT_FALSE(std::filesystem::exists(path)) << limit;
+    if (!std::filesystem::exists(path + ".part")) continue;  // it could not be started
+    const int64_t frames = recover_part_file(path, false);
+    EXPECT_GE(frames, kept) << limit;
+    kept = frames;
+  }
+  EXPECT_GE(kept, 12);
 }
 
 TEST(Merge, RefusesUnfinishedAndMergedFiles) {

@@ -59,6 +59,7 @@ TEST(MetricsLog, AResumedRunLogsEachStepOnce) {
   std::ofstream(folder + "/metrics.csv", std::ios::app) << "40,0";  // cut short by a kill
   {
     MetricsLog log(folder, {"loss", "rate"}, 20);
+    log.write(20, {{"loss", 1.25}});  // of the same step with the same columns: once
     log.write(30, {{"loss", std::nan("")}});
   }
   EXPECT_EQ(read_file(folder + "/metrics.csv"), "step,loss,rate\n10,1.5,0.1\n20,1.25,\n30,nan,\n");

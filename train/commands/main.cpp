@@ -19,6 +19,7 @@
 #include "core/system/command_line.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/last_resort.h"
 #include "core/system/printable.h"
 #include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
@@ -403,14 +404,15 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using graupel::ExitCode;
-  constexpr const char* out_of_memory = "out of memory. Set memory_limit lower, or take fewer scenes a batch";
+  constexpr const char* less_memory = "Set memory_limit lower, or take fewer scenes a batch";
+  graupel::install_last_resort("graupel-train", less_memory);
   try {
     return graupel::train::run(argc, argv);
   } catch (const graupel::Error& error) {
     std::fprintf(stderr, "graupel-train: %s\n", graupel::printable(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "graupel-train: %s\n", out_of_memory);
+    std::fprintf(stderr, "graupel-train: out of memory. %s\n", less_memory);
   } catch (const std::system_error& error) {
     const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
     std::fprintf(stderr, "graupel-train: %s%s\n", error.what(),
@@ -418,7 +420,8 @@ int main(int argc, char** argv) {
   } catch (const std::exception& error) {
     // libtorch's own error, where it cannot have the memory of a tensor.
     const bool no_memory = std::strstr(error.what(), "not enough memory") != nullptr;
-    std::fprintf(stderr, "graupel-train: %s\n", no_memory ? out_of_memory : error.what());
+    std::fprintf(stderr, "graupel-train: %s%s\n", no_memory ? "out of memory. " : error.what(),
+                 no_memory ? less_memory : "");
   }
   return static_cast<int>(ExitCode::failed);
 }
