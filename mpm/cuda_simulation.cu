@@ -9,6 +9,7 @@
 #include "mpm/gpu/blocks/batch_state.h"
 #include "mpm/gpu/cuda_backend.cuh"
 #include "mpm/gpu/small/small_scene_solver.h"
+#include "mpm/particles/state_check.h"
 #include "mpm/scene/scene_hash.h"
 
 namespace graupel::mpm {
@@ -45,6 +46,8 @@ class CudaSimulation final : public Simulation {
   std::vector<std::byte> save_state() const override { return save_batch(solver_, state_owner(), frames_done_); }
   void load_state(const std::vector<std::byte>& state) override {
     frames_done_ = load_batch(solver_, state_owner(), state);
+    check_state(solver_.particles(), solver_.presence(0).download(),
+                static_cast<int32_t>(solver_.setup(0).material_configs.size()), scene().domain);
   }
 
  private:

@@ -40,33 +40,80 @@ void check_indices(const nn::Weights& weights, const std::vector<int32_t>& indic
                                    weights.file, i, what, count - 1));
 }
 
-/// Files of earlier versions lack some: these keep their default.
-template <typename E>
-void read_word(const Json& settings, const char* key, E& value) {
-  const std::string stored = settings.value(key, word_of(value));
-  for (const auto& [word, kind] : EnumWords<E>::words)
-    if (stored == word) value = kind;
-}
+/// The settings of a file, a JSON object; files of earlier versions lack some, which keep their default.
+class Settings {
+ public:
+  Settings(const nn::Weights& weights, const Json& json) : file_(weights.file), json_(json) {}
 
-void read_settings(const Json& settings, ReducedModel& model) {
-  for (const Json& p : settings.at("parameters"))
-    model.parameters.push_back({p.at("name"), p.at("unit"), p.at("keys"), p.at("low"), p.at("high")});
-  model.substeps_per_frame = settings.at("substeps_per_frame");
-  model.frame_time = settings.at("frame_time");
-  const std::string affine = settings.at("affine");
-  for (const auto& [word, kind] : EnumWords<AffineKind>::words)
-    if (affine == word) model.affine_kind = kind;
-  model.latent_reach = settings.at("latent_reach");
-  model.usual_error = settings.value("usual_error", 0.0);
-  if (settings.contains("interpolation"))
-    model.interpolation = {settings.at("interpolation").at("reconstruction"),
-                           settings.at("interpolation").at("curvature")};
-  model.step_factor = settings.value("step_factor", 1.0);
-  model.contact_weight = settings.value("contact_weight", 1.0);
-  model.manifold_pull = settings.value("manifold_pull", 0.0);
-  read_word(settings, "projection", model.projection);
-  read_word(settings, "quadrature", model.quadrature);
-  read_word(settings, "gradient", model.gradient);
+  double number(const char* key, double low, double high) const { return number(json_.at(key), key, low, high); }
+  double number_or(const char* key, double otherwise, double low, double high) const {
+    return json_.contains(key) ? number(key, low, high) : otherwise;
+  }
+  double number(const Json& value, const std::string& name, double low, double high) const {
+    const double found = value.get<double>();
+    if (!(found >= low && found <= high))
+      throw InputError(fmt::format("'{}' has {} {} in its settings (allowed: {} to {}). Train the model again", file_,
+                                   name, found, low, high));
+    return found;
+  }
+  template <typename E>
+  void word(const char* key, E& value) const {
+    if (!json_.contains(key)) return;
+    const std::string stored = json_.at(key);
+    std::string allowed;
+    for (const auto& [word, kind] : EnumWords<E>::words) {
+      if (stored == word) {
+        value = kind;
+        return;
+      }
+      allowed += (allowed.empty() ? "" : ", ") + std::string(word);
+    }
+    throw InputError(
+        fmt::format("'{}' has {} '{}' in its settings (allowed: {}). Use the version of Graupel that it "
+                    "was trained with",
+                    file_, key, stored, allowed));
+  }
+  void refuse_others(std::initializer_list<std::string_view> known) const {
+    for (const auto& [key, value] : json_.items())
+      if (std::find(known.begin(), known.end(), key) == known.end())
+        throw InputError(
+            fmt::format("'{}' has '{}' in its settings, which is not known. Use the version of Graupel that "
+                        "it was trained with",
+                        file_, key));
+  }
+
+ private:
+  const std::string& file_;
+  const Json& json_;
+};
+
+void read_settings(const nn::Weights& weights, const Json& json, ReducedModel& model) {
+  constexpr double largest = 1e30;  // what an f32 holds with room to spare
+  const Settings settings(weights, json);
+  settings.refuse_others({"parameters", "substeps_per_frame", "frame_time", "affine", "latent_reach", "usual_error",
+                          "interpolation", "step_factor", "contact_weight", "manifold_pull", "projection", "quadrature",
+                          "gradient", "outlier_factor"});
+  for (const Json& p : json.at("parameters")) {
+    const std::string name = p.at("name");
+    const double low = settings.number(p.at("low"), "the low end of " + name, -largest, largest),
+                 high = settings.number(p.at("high"), "the high end of " + name, low, largest);
+    model.parameters.push_back({name, p.at("unit"), p.at("keys"), low, high});
+  }
+  model.substeps_per_frame = static_cast<int64_t>(settings.number("substeps_per_frame", 1, 1e6));
+  model.frame_time = settings.number("frame_time", 1e-9, 1e3);
+  settings.word("affine", model.affine_kind);
+  model.latent_reach = settings.number("latent_reach", 0, largest);
+  model.usual_error = settings.number_or("usual_error", 0, 0, largest);
+  if (json.contains("interpolation")) {
+    const Settings errors(weights, json.at("interpolation"));
+    model.interpolation = {errors.number("reconstruction", 0, largest), errors.number("curvature", 0, largest)};
+  }
+  model.step_factor = settings.number_or("step_factor", 1, 1e-3, 1e3);
+  model.contact_weight = settings.number_or("contact_weight", 1, 0, 1e6);
+  model.manifold_pull = settings.number_or("manifold_pull", 0, 0, 1);
+  settings.word("projection", model.projection);
+  settings.word("quadrature", model.quadrature);
+  settings.word("gradient", model.gradient);
 }
 
 /// Files that need what was removed; their results would be others.
@@ -130,6 +177,7 @@ FieldKind read_kind(const nn::Weights& weights) {
 Clusters read_clusters(const nn::Weights& weights) {
   Clusters clusters;
   clusters.of_particle = get_indices(weights, "clusters");
+  check_indices(weights, clusters.of_particle, static_cast<int64_t>(clusters.of_particle.size()), "clusters");
   for (const int32_t c : clusters.of_particle) clusters.count = std::max<int64_t>(clusters.count, c + 1);
   const std::vector<int32_t> chosen = clusters.representatives();
   if (std::find(chosen.begin(), chosen.end(), -1) != chosen.end())
@@ -171,6 +219,17 @@ void store_judgement(const ReducedModel& model, nn::Weights& weights) {
     weights.tensors[field + ".singular"] = nn::Tensor::from_float(values, {static_cast<int64_t>(values.size())});
 }
 
+/// A tensor under another name would be one that is missing.
+void refuse_unknown_tensors(const nn::Weights& weights, const ReducedModel& model) {
+  const nn::Weights known = model.store(nn::DType::f32);
+  for (const auto& [name, tensor] : weights.tensors)
+    if (known.tensors.count(name) == 0)
+      throw InputError(
+          fmt::format("'{}' has the tensor '{}', which no such model has. It is damaged or of another version; "
+                      "train the model again",
+                      weights.file, name));
+}
+
 }  // namespace
 
 bool is_reduced_model(const nn::Weights& weights) {
@@ -188,7 +247,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
   try {
     const Json settings = Json::parse(metadata(weights, "settings"));
     refuse_removed(weights, settings);
-    read_settings(settings, model);
+    read_settings(weights, settings, model);
   } catch (const Json::exception& error) {
     throw InputError("the settings of '" + weights.file + "' cannot be read (" + error.what() +
                      "). Train the model again");
@@ -224,6 +283,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
         "latent.parameters", {extent(weights, "latent.parameters", 0), static_cast<int64_t>(model.parameters.size())});
   model.latent_scale = weights.get("latent.scale", {latents});
   read_judgement(weights, model);
+  refuse_unknown_tensors(weights, model);
   for (const auto& [key, value] : weights.metadata)
     if (std::find(std::begin(own_keys), std::end(own_keys), key) == std::end(own_keys)) model.provenance[key] = value;
   return model;

@@ -21,6 +21,17 @@ std::unique_ptr<CpuEngine> make_engine(const NetworkConfig& config, const nn::We
   return make(plan_of(config), weights, spacing_of(config));
 }
 
+/// A tensor under another name would be one that is missing.
+void refuse_unknown_tensors(const NetworkConfig& config, const nn::Weights& weights) {
+  nn::Weights known;
+  add_normalization(known, {});
+  for (const PlanTensor& tensor : plan_of(config).tensors()) known.tensors[tensor.name];
+  for (const auto& [name, tensor] : weights.tensors)
+    if (known.tensors.count(name) == 0)
+      throw InputError("'" + weights.file + "' has the tensor '" + name +
+                       "', which no such network has. It is damaged or of another version; export the weights again");
+}
+
 /// How far beyond periodic walls images lie [m]: all that can send a message to a particle of GNS; the coarsest cell of
 /// HGN, whose levels do not fit the period.
 double image_layer(const NetworkConfig& config) {
@@ -35,7 +46,9 @@ struct GraphNetwork::Impl {
   explicit Impl(const nn::Weights& weights)
       : config(network_config_of(weights)),
         normalization(read_normalization(weights)),
-        engine(make_engine(config, weights)) {}
+        engine(make_engine(config, weights)) {
+    refuse_unknown_tensors(config, weights);
+  }
 
   std::vector<float> forward(const std::vector<float>& features, const std::vector<int32_t>& particle_type,
                              const std::vector<Vec3f>& position, const Vec3d& origin, FrameTiming& timing,

@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "core/system/fnv1a.h"
 #include "mpm/particles/state_bytes.h"
+#include "mpm/particles/state_check.h"
 #include "mpm/scene/scene_hash.h"
 #include "mpm/solver/solver.h"
 
@@ -35,31 +36,6 @@ void check_course(const Course& course, double frame_time) {
   if (course.frames_done < 0 || !(course.frame_elapsed >= 0 && course.frame_elapsed <= frame_time))
     throw InputError("the saved state is damaged (frame " + std::to_string(course.frames_done) + ", " +
                      std::to_string(course.frame_elapsed) + " s of it done). Use an older one, or run again");
-}
-
-template <typename T>
-void check_particles(const ParticleView<T>& p, const Buffer<Presence>& presence, int32_t materials, const Domain& box) {
-  const auto damaged = [](int64_t slot, const std::string& what) {
-    throw InputError("the saved state is damaged (slot " + std::to_string(slot) + ": " + what +
-                     "). Use an older one, or run again");
-  };
-  std::vector<uint8_t> is_taken(static_cast<std::size_t>(p.count));
-  for (int64_t slot = 0; slot < p.count; ++slot) {
-    const int32_t material = p.material.get(slot), particle = p.source_index.get(slot);
-    if (material < 0 || material >= materials) damaged(slot, "material " + std::to_string(material));
-    if (particle < 0 || particle >= p.count || is_taken[static_cast<std::size_t>(particle)]++ != 0)
-      damaged(slot, "particle " + std::to_string(particle) + ", there are " + std::to_string(p.count) + ", once each");
-    if (presence.size() > 0) {
-      const Presence there = presence[static_cast<std::size_t>(particle)];
-      if (there > Presence::gone) damaged(slot, "presence " + std::to_string(static_cast<int>(there)));
-      if (there != Presence::active) continue;
-    }
-    const Vec<T, 3> x = p.position.vec(slot), v = p.velocity.vec(slot);
-    for (int d = 0; d < 3; ++d)
-      if (!(x[d] >= 0 && x[d] <= static_cast<T>(box.size[d])) || !std::isfinite(v[d]))
-        damaged(slot,
-                "position " + std::to_string(x[d]) + " m, velocity " + std::to_string(v[d]) + " m/s along " + "xyz"[d]);
-  }
 }
 
 }  // namespace
@@ -101,9 +77,8 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   loads_.load(reader);
   check_course(course, scene_.frame_time);
   loads_.check_state();
-  if (options_.device == Device::cpu)
-    check_particles(particles_.view(), grid_.lifecycle.presence(), static_cast<int32_t>(scene_.materials.size()),
-                    scene_.domain);
+  check_state(download_particles(particles_), grid_.lifecycle.presence().download(),
+              static_cast<int32_t>(scene_.materials.size()), scene_.domain);
   const double seconds = statistics_.solver_seconds;
   frames_done_ = course.frames_done;
   frame_elapsed_ = course.frame_elapsed;

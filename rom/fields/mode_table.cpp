@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/system/error.h"
 #include "rom/networks/tensors.h"
 
 namespace graupel::rom {
@@ -61,14 +62,16 @@ ModeTable ModeTable::averaged(const Clusters& clusters) const {
 ModeTable ModeTable::load(const nn::Weights& weights, const std::string& prefix, int components) {
   ModeTable table;
   table.components = components;
-  if (weights.tensors.count(prefix + ".points") > 0)
-    table.points = get_indices(weights, prefix + ".points");
-  else
-    table.points = first_points(static_cast<std::size_t>(extent(weights, prefix + ".mean", 0)));
-  table.modes = static_cast<int>(extent(weights, prefix + ".amplitude", 0));
-  const int64_t rows = table.rows();
-  const std::vector<float> amplitude = weights.get(prefix + ".amplitude", {table.modes});
+  const int64_t rows = extent(weights, prefix + ".mean", 0);
   table.mean = weights.get(prefix + ".mean", {rows, components});
+  table.points = weights.tensors.count(prefix + ".points") > 0 ? get_indices(weights, prefix + ".points")
+                                                               : first_points(static_cast<std::size_t>(rows));
+  if (table.rows() != rows || !std::is_sorted(table.points.begin(), table.points.end()))
+    throw InputError("'" + weights.file + "' has other points ('" + prefix + ".points') than values ('" + prefix +
+                     ".mean'), or they are not in order. Train the model again");
+  const int64_t modes = extent(weights, prefix + ".amplitude", 0);
+  const std::vector<float> amplitude = weights.get(prefix + ".amplitude", {modes});
+  table.modes = static_cast<int>(modes);
   table.basis = weights.get(prefix + ".basis", {rows, components, table.modes});
   for (std::size_t i = 0; i < table.basis.size(); ++i)
     table.basis[i] *= amplitude[i % static_cast<std::size_t>(table.modes)];

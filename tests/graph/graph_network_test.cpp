@@ -346,6 +346,8 @@ TEST_P(EachNetwork, DamagedWeightsAreInputErrorsThatNameTheFile) {
   damage.tensor("element 1 is nan", "decoder.layer2.bias", {0, std::nanf(""), 0});
   damage.tensor("normalization.velocity_std is not", "normalization.velocity_std", {1, 0, 1});
   damage.without_tensor("normalization.acceleration_mean");
+  damage.expect("has the tensor 'encoder.layer9', which no such network has",
+                [](nn::Weights& w) { w.tensors["encoder.layer9"] = w.tensors["embedding.weight"]; });
 }
 
 TEST(HgnNetwork, DamagedWeightsOfItsOwnLayers) {

@@ -5,6 +5,7 @@
 #include "core/system/error.h"
 #include "core/system/fnv1a.h"
 #include "mpm/particles/state_bytes.h"
+#include "mpm/particles/state_check.h"
 #include "mpm/scene/scene_hash.h"
 #include "mpm/simulation.h"
 #include "tests/gpu_only.h"
@@ -189,6 +190,41 @@ TEST(SavedStateErrors, AnyBytesWithARightChecksumDoNoHarm) {
   EXPECT_GT(refused, 10);
   run->load_state(state);  // and none of it is left
   run->advance_frame();
+}
+
+TEST(SavedStateErrors, ParticlesThatNoRunLeavesAreRefused) {
+  constexpr int32_t materials = 2;
+  HostParticles<float> good(3);
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    good.position[i] = {0.1f, 0.2f, 0.3f};
+    good.velocity[i] = Vec3f::zero();
+    good.internal[i] = good.volume[i] = 1;
+    good.material[i] = 1;
+    good.source_index[i] = 2 - static_cast<int32_t>(i);
+  }
+  const auto error = [&](const auto& change, std::vector<Presence> presence = {}) -> std::string {
+    HostParticles<float> p = good;
+    change(p);
+    try {
+      check_state(p, presence, materials, Domain());
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  const auto nothing = [](HostParticles<float>&) {};
+  EXPECT_EQ(error(nothing), "");
+  EXPECT_THAT(error([](auto& p) { p.material[1] = 2; }), testing::HasSubstr("(slot 1: material 2 of 2)"));
+  EXPECT_THAT(error([](auto& p) { p.source_index[2] = 1; }), testing::HasSubstr("particle 1, there are 3, once each"));
+  EXPECT_THAT(error([](auto& p) { p.position[0][1] = 1e30f; }), testing::HasSubstr("outside of the domain"));
+  constexpr float inf = std::numeric_limits<float>::infinity();
+  EXPECT_THAT(error([](auto& p) { p.deformation_gradient[2](1, 2) = -inf; }), testing::HasSubstr("not finite"));
+  EXPECT_THAT(error([](auto& p) { p.stress[2].a[5] = std::nanf(""); }), testing::HasSubstr("not finite"));
+  EXPECT_THAT(error([](auto& p) { p.internal[2] = inf; }), testing::HasSubstr("not finite"));
+  EXPECT_THAT(error([](auto& p) { p.volume[2] = -1; }), testing::HasSubstr("a volume that is not above 0"));
+  const std::vector<Presence> gone(3, Presence::gone);
+  EXPECT_EQ(error([](auto& p) { p.position[0][1] = 1e30f; }, gone), "") << "where it left";
+  EXPECT_THAT(error(nothing, std::vector<Presence>(3, static_cast<Presence>(3))), testing::HasSubstr("presence 3"));
 }
 
 TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {

@@ -3,8 +3,11 @@
 // slots and these records fix all sums; block lists and storage are made anew.
 #pragma once
 
+#include <cmath>
+#include <string>
 #include <vector>
 
+#include "core/system/error.h"
 #include "mpm/gpu/blocks/batch_view.h"
 #include "mpm/particles/particle_lifecycle.h"
 #include "mpm/particles/state_bytes.h"
@@ -30,7 +33,19 @@ std::vector<std::byte> save_batch(Batch& batch, const StateOwner& owner, int64_t
   return writer.finish();
 }
 
-/// Returns the frames done. Throws InputError for a state of another owner or a damaged one.
+/// Throws InputError for what no run leaves.
+inline void check_course(const std::vector<SceneProgress>& controls, int64_t frames_done) {
+  bool fits = frames_done >= 0;
+  for (const SceneProgress& c : controls)
+    fits = fits && c.elapsed >= 0 && std::isfinite(c.elapsed) && std::isfinite(c.dt) && std::isfinite(c.speed) &&
+           std::isfinite(c.sound_speed) && c.phase >= ScenePhase::running && c.phase <= ScenePhase::too_stiff;
+  if (!fits)
+    throw InputError("the saved state is damaged (a scene's course after frame " + std::to_string(frames_done) +
+                     "). Use an older one, or run again");
+}
+
+/// Returns the frames done; the particles are not looked at (mpm/particles/state_check.h). Throws InputError for a
+/// state of another owner or a damaged one.
 template <typename Batch>
 int64_t load_batch(Batch& batch, const StateOwner& owner, const std::vector<std::byte>& state) {
   StateReader reader(state, owner, batch_state_bytes(batch));
@@ -40,6 +55,7 @@ int64_t load_batch(Batch& batch, const StateOwner& owner, const std::vector<std:
   reader.get(controls);
   batch.present_particles().for_each_buffer([&](auto& buffer) { reader.get(buffer); });
   for (int scene = 0; scene < batch.scene_count(); ++scene) reader.get(batch.presence(scene));
+  check_course(controls, frames_done);
   batch.set_course(controls, frames_done);
   return frames_done;
 }

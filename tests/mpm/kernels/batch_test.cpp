@@ -1,6 +1,12 @@
 // The kernels for GPUs, run on the CPU by fibers: equal to the CPU solver, independent of the other scenes in a batch.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+
+#include "core/system/error.h"
+#include "core/system/fnv1a.h"
 #include "mpm/gpu/blocks/batch_results.h"
 #include "mpm/gpu/blocks/batch_state.h"
 #include "mpm/solver/solver.h"
@@ -139,6 +145,14 @@ void expect_exact_restart(const std::vector<Scene>& scenes) {
   StateOwner other = owner;
   other.solver = SolverKind::cpu_portable;
   EXPECT_THROW(load_batch(*fresh, other, state), InputError);
+  std::vector<std::byte> damaged = state;  // but for its checksum
+  const double speed = std::nan("");
+  constexpr std::size_t head = 32, frames = sizeof(int64_t);
+  std::memcpy(damaged.data() + head + frames + offsetof(SceneProgress, speed), &speed, sizeof(speed));
+  const std::size_t content = damaged.size() - sizeof(uint64_t);
+  const uint64_t sum = fnv1a(fnv_start, damaged.data(), content);
+  std::memcpy(damaged.data() + content, &sum, sizeof(sum));
+  EXPECT_THROW(load_batch(*fresh, owner, damaged), InputError);
 }
 
 TEST(Batch, ARestoredRunEqualsAnUninterruptedOneByteForByte) {
