@@ -5,6 +5,8 @@
 #include <new>
 #include <string_view>
 
+#include "core/system/file_check.h"
+
 namespace graupel::io::hdf5 {
 
 namespace {
@@ -160,6 +162,7 @@ Handle create_file(const std::string& path) {
 }
 
 Handle open_file(const std::string& path) {
+  check_file(path, FileFormat::hdf5);
   prepare();
   return {H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose, "cannot open the file"};
 }
