@@ -74,7 +74,7 @@ if(GRAUPEL_SHARED)
     endif()
   endforeach()
 endif()
-# Files are checked by processes of their own (core/system/file_check.h): programs and users of the library find them.
+# Files are checked by processes of their own (core/system/checks/file_check.h): programs and users of the library find them.
 set(checkers graupel-check-hdf5 graupel-check-vdb)
 install(TARGETS ${checkers} RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/graupel COMPONENT checkers)
 # Libraries outside of the system's folders (PyTorch's packages) are found where they were linked.

@@ -125,11 +125,11 @@ function(graupel_test name)
 endfunction()
 
 # graupel_checker(format module SOURCES walk.cpp LIBRARIES hdf5..): graupel-check-<format>, the process that reads files of
-#   strangers before `module` does (core/system/file_check.h). It links little, so that it starts fast.
+#   strangers before `module` does (core/system/checks/file_check.h). It links little, so that it starts fast.
 function(graupel_checker format module)
   cmake_parse_arguments(CHECKER "" "" "SOURCES;LIBRARIES" ${ARGN})
   set(checker graupel-check-${format})
-  add_executable(${checker} ${CHECKER_SOURCES} ${PROJECT_SOURCE_DIR}/core/system/file_check_child.cpp)
+  add_executable(${checker} ${CHECKER_SOURCES} ${PROJECT_SOURCE_DIR}/core/system/checks/file_check_child.cpp)
   target_include_directories(${checker} PRIVATE ${PROJECT_SOURCE_DIR})
   target_compile_options(${checker} PRIVATE ${GRAUPEL_CXX_OPTIONS})
   target_link_libraries(${checker} PRIVATE ${CHECKER_LIBRARIES})

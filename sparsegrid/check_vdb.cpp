@@ -1,4 +1,4 @@
-// graupel-check-vdb: has OpenVDB read all grids of a file, in a process that may end (core/system/file_check.h).
+// graupel-check-vdb: has OpenVDB read all grids of a file, in a process that may end (core/system/checks/file_check.h).
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
@@ -6,7 +6,7 @@
 #include <fstream>
 #include <mutex>
 
-#include "core/system/file_check_child.h"
+#include "core/system/checks/file_check_child.h"
 
 namespace {
 

@@ -21,8 +21,8 @@
 #include "core/parallel/device.h"
 #include "core/parallel/parallel_for.h"
 #include "core/system/archive_file.h"
+#include "core/system/checks/file_check.h"
 #include "core/system/error.h"
-#include "core/system/file_check.h"
 #include "sparsegrid/level_set_grid.h"
 #include "sparsegrid/obstacle_checks.h"
 

@@ -1,5 +1,6 @@
 // graupel-check-hdf5: asks the HDF5 library for all that the readers of trajectories ask it for, in a process that may
-// end (core/system/file_check.h): links, attributes, headers of datasets, lists of chunks, first and last values.
+// end (core/system/checks/file_check.h): links, attributes, headers of datasets, lists of chunks, first and last
+// values.
 #define H5_USE_110_API
 #include <hdf5.h>
 
@@ -10,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/system/file_check_child.h"
+#include "core/system/checks/file_check_child.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <new>
 #include <string_view>
 
-#include "core/system/file_check.h"
+#include "core/system/checks/file_check.h"
 
 namespace graupel::io::hdf5 {
 

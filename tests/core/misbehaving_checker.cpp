@@ -4,7 +4,7 @@
 #include <csignal>
 #include <vector>
 
-#include "core/system/file_check_child.h"
+#include "core/system/checks/file_check_child.h"
 
 namespace {
 

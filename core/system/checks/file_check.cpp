@@ -1,4 +1,4 @@
-#include "core/system/file_check.h"
+#include "core/system/checks/file_check.h"
 
 #include <dlfcn.h>
 #include <sys/stat.h>
@@ -12,7 +12,7 @@
 #include <tuple>
 #include <vector>
 
-#include "core/system/checker_process.h"
+#include "core/system/checks/checker_process.h"
 #include "core/system/error.h"
 
 namespace graupel {

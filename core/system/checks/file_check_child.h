@@ -1,4 +1,4 @@
-// The side of the process that reads files of strangers (core/system/file_check.h): graupel-check-hdf5 and
+// The side of the process that reads files of strangers (core/system/checks/file_check.h): graupel-check-hdf5 and
 // graupel-check-vdb.
 #pragma once
 

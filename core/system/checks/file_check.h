@@ -10,7 +10,7 @@ enum class FileFormat { hdf5, vdb };
 
 /// Throws InputError where `path` is no regular file, or where the library did not come through it; what the library
 /// refuses by itself is left to the reader. A file that passed is not read again until its size or time changes. After
-/// Ctrl-C or SIGTERM throws Error with ExitCode::interrupted. Throws ConfigError where the checker is not there.
+/// Ctrl-C or SIGTERM throws StoppedError. Throws ConfigError where the checker is not there.
 void check_file(const std::string& path, FileFormat format);
 
 /// Path of the program that checks this format: graupel-check-hdf5 or graupel-check-vdb in the folder that

@@ -1,4 +1,4 @@
-#include "core/system/checker_process.h"
+#include "core/system/checks/checker_process.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -21,7 +21,7 @@ namespace graupel {
 namespace {
 
 constexpr int wait_ms = 20;             ///< between two looks for a signal
-constexpr double wall_per_second = 10;  ///< a process may wait for a slow disk and for others
+constexpr double wall_per_second = 60;  ///< a process may wait for a slow disk and for others; loops end by themselves
 
 /// Attributes and actions of posix_spawn: a group of its own, so that Ctrl-C of a terminal does not reach it, no
 /// signal blocked or ignored, its socket as standard input, no other file.
@@ -119,7 +119,7 @@ CheckerProcess::Outcome CheckerProcess::ask(const std::string& path, const Check
     if (::poll(&answered, 1, wait_ms) > 0) break;
     if (const int signal = stop_signal(); signal != signal_before && (signal == SIGINT || signal == SIGTERM)) {
       end(/*by_force=*/true);
-      throw Error(ExitCode::interrupted, "interrupted while '" + path + "' was checked");
+      throw_interrupted(" while '" + path + "' was checked");
     }
     if (watch.seconds() > wall_per_second * request.seconds) {
       end(/*by_force=*/true);

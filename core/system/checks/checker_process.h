@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "core/system/file_check_child.h"
+#include "core/system/checks/file_check_child.h"
 
 namespace graupel {
 
@@ -13,7 +13,7 @@ class CheckerProcess {
  public:
   /// Has `program` walk through a file. Returns what happened to it, for a message ("crashed on it (..)"), or "" when
   /// it passed. A process that ends is started again for the next file. Throws Error when it cannot be started, and
-  /// with ExitCode::interrupted after Ctrl-C or SIGTERM.
+  /// StoppedError after Ctrl-C or SIGTERM.
   std::string check(const std::string& program, const std::string& path, CheckRequest request);
 
  private:

@@ -1,4 +1,4 @@
-#include "core/system/file_check_child.h"
+#include "core/system/checks/file_check_child.h"
 
 #include <sys/resource.h>
 #include <sys/socket.h>
