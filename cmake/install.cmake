@@ -52,7 +52,7 @@ endif()
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Graupel)
 install(EXPORT GraupelTargets NAMESPACE graupel:: DESTINATION ${package} COMPONENT library)
 configure_package_config_file(cmake/GraupelConfig.cmake.in ${PROJECT_BINARY_DIR}/GraupelConfig.cmake
-  INSTALL_DESTINATION ${package} PATH_VARS CMAKE_INSTALL_DATADIR)
+  INSTALL_DESTINATION ${package} PATH_VARS CMAKE_INSTALL_DATADIR CMAKE_INSTALL_LIBEXECDIR)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/GraupelConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/GraupelConfig.cmake ${PROJECT_BINARY_DIR}/GraupelConfigVersion.cmake
   DESTINATION ${package} COMPONENT library)
@@ -74,8 +74,11 @@ if(GRAUPEL_SHARED)
     endif()
   endforeach()
 endif()
+# Files are checked by processes of their own (core/system/checks/file_check.h): programs and users of the library find them.
+set(checkers graupel-check-hdf5 graupel-check-vdb)
+install(TARGETS ${checkers} RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/graupel COMPONENT checkers)
 # Libraries outside of the system's folders (PyTorch's packages) are found where they were linked.
-set_target_properties(${programs} PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)
+set_target_properties(${programs} ${checkers} PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)
 install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 set(share ${CMAKE_INSTALL_DATADIR}/graupel)
 install(DIRECTORY models scenes DESTINATION ${share} COMPONENT data)

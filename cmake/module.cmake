@@ -124,6 +124,19 @@ function(graupel_test name)
   add_test(NAME ${name} COMMAND ${name}_test)
 endfunction()
 
+# graupel_checker(format module SOURCES walk.cpp LIBRARIES hdf5..): graupel-check-<format>, the process that reads files of
+#   strangers before `module` does (core/system/checks/file_check.h). It links little, so that it starts fast.
+function(graupel_checker format module)
+  cmake_parse_arguments(CHECKER "" "" "SOURCES;LIBRARIES" ${ARGN})
+  set(checker graupel-check-${format})
+  add_executable(${checker} ${CHECKER_SOURCES} ${PROJECT_SOURCE_DIR}/core/system/checks/file_check_child.cpp)
+  target_include_directories(${checker} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_options(${checker} PRIVATE ${GRAUPEL_CXX_OPTIONS})
+  target_link_libraries(${checker} PRIVATE ${CHECKER_LIBRARIES})
+  graupel_quick_to_compile(${checker})
+  add_dependencies(graupel_${module} ${checker})
+endfunction()
+
 # graupel_kernels(name source.cpp [options..]): the hot loops of module `name`, compiled once for each instruction set with
 #   GRAUPEL_ISA its name; the program chooses when it starts (core/parallel/instruction_set.h). They do not take -march=native, and
 #   may export nothing but their tables of functions (tests/exported_symbols.h).

@@ -5,8 +5,15 @@
 
 namespace graupel::sparsegrid {
 
-/// Edges that belong to an odd number of triangles; 0 for a closed mesh. Vertices at the same place count as one
-/// (STL repeats them); triangles without area are skipped.
-int64_t open_edges(const TriangleMesh& mesh);
+/// What keeps a mesh from bounding a volume once; all 0 for a good one. Vertices at the same place count as one (STL
+/// repeats them); triangles without area are skipped.
+struct MeshFaults {
+  int64_t open_edges = 0;         ///< they belong to an odd number of triangles
+  int64_t misdirected_edges = 0;  ///< their triangles do not run along them equally often in both directions
+  int64_t doubled_triangles = 0;  ///< more than one has these vertices
+  Vec3d place;                    ///< of the first of the faults that are named first
+};
+
+MeshFaults faults_of(const TriangleMesh& mesh);
 
 }  // namespace graupel::sparsegrid

@@ -10,9 +10,11 @@
 #include <tuple>
 
 #include "core/parallel/buffer.h"
+#include "core/parallel/memory.h"
 #include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
+#include "sparsegrid/obstacle_checks.h"
 
 namespace graupel::sparsegrid {
 
@@ -90,6 +92,12 @@ std::string words_of(Shape shape) {
   for (const auto& [word, value] : EnumWords<Shape>::words)
     if (value == shape) return word;
   return "";
+}
+
+/// Whether one voxel alone is inside, given their box and one voxel around it.
+bool lies_in_a_voxel(const LocalBox& solid, double voxel) {
+  const Vec3d extent = solid.high - solid.low;
+  return std::max({extent[0], extent[1], extent[2]}) < 2.5 * voxel;
 }
 
 constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
@@ -237,6 +245,7 @@ ObstacleSet::Impl::Impl(const Impl& bodies, double time)
 }
 
 void ObstacleSet::Impl::build_grids() {
+  check_grids_fit(scene, static_cast<double>(available_bytes(Device::cpu)));
   grids.resize(scene.obstacles.size());
   for_each_pool_task(grids.size(), [&](std::size_t i) { grids[i] = grid_of(i); });
 }
@@ -251,9 +260,11 @@ LevelSetGrid ObstacleSet::Impl::solid_grid(std::size_t i) const {
   if (obstacle.shape == Shape::points)
     throw ConfigError(names[i] + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
   LevelSetGrid grid = build_level_set(scene, obstacle, names[i]);
-  if (grid.solid.low[0] > grid.solid.high[0])
-    throw ConfigError(names[i] + " has no inside on its grid (voxel " + std::to_string(scene.voxel()) +
-                      " m). Make it thicker than two voxels or lower obstacle_voxel");
+  const bool is_hollow = grid.solid.low[0] > grid.solid.high[0];
+  if (is_hollow || lies_in_a_voxel(grid.solid, scene.voxel()))
+    throw ConfigError(names[i] + (is_hollow ? " has no inside" : " is smaller than two voxels") +
+                      " on its grid (voxel " + std::to_string(scene.voxel()) +
+                      " m). Make it thicker than two voxels (is its scale right?) or lower obstacle_voxel");
   return grid;
 }
 

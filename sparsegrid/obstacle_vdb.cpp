@@ -15,14 +15,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <mutex>
 
 #include "core/parallel/device.h"
 #include "core/parallel/parallel_for.h"
 #include "core/system/archive_file.h"
+#include "core/system/checks/file_check.h"
 #include "core/system/error.h"
 #include "sparsegrid/level_set_grid.h"
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/obstacle_checks.h"
 
 // The library holds these classes with all their virtual functions, which need not be compiled again.
 extern template class openvdb::tree::Tree<openvdb::FloatTree::RootNodeType>;
@@ -46,7 +48,7 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 constexpr int block = Leaf::DIM;
 constexpr int64_t max_blocks = int64_t(1) << 24;  ///< 2 KiB each: 32 GiB when all are in the band
 constexpr int64_t max_voxels = int64_t(1) << 28;  ///< of a file that is read
-constexpr double max_mesh_voxels = 1 << 26;       ///< in the band of a mesh
+constexpr int64_t voxels_per_byte = 64;           ///< of a file; a leaf has 4, and there are tiles
 constexpr int64_t max_extent = int64_t(1) << 21;  ///< voxels along an axis of a file that is read
 
 constexpr float spare_voxels = 2;  ///< OpenVDB's distances err at the border of the band it is asked for
@@ -150,34 +152,11 @@ void clamp_to_band(FloatGrid& grid, double band) {
   tree.root().setBackground(limit, /*updateChildNodes=*/false);
 }
 
-/// Throws ConfigError where the band of a mesh's level set would have too many voxels, which takes minutes and
-/// gigabytes.
-void check_mesh_size(const Obstacle& obstacle, const std::string& name, double voxel, double width) {
-  double area = 0, extent = 0;
-  for (const Vec3d& v : obstacle.mesh->vertices)
-    for (int d = 0; d < 3; ++d) extent = std::max(extent, std::abs(v[d]));
-  for (const auto& t : obstacle.mesh->triangles) {
-    const Vec3d& a = obstacle.mesh->vertices[static_cast<std::size_t>(t[0])];
-    const Vec3d ab = obstacle.mesh->vertices[static_cast<std::size_t>(t[1])] - a,
-                ac = obstacle.mesh->vertices[static_cast<std::size_t>(t[2])] - a;
-    area += 0.5 * norm(cross(ab, ac));
-  }
-  const double voxels = area / (voxel * voxel) * (2 * width + 1);
-  if (!(voxels <= max_mesh_voxels) || !(extent / voxel <= static_cast<double>(max_extent)))
-    throw ConfigError(name + ": the mesh '" + obstacle.file + "' is too large for its grid (about " +
-                      std::to_string(voxels / 1e6) + " million voxels of " + std::to_string(voxel) +
-                      " m, at most 67 million, coordinates within 2^21 of them). Choose a larger obstacle_voxel, a "
-                      "smaller obstacle_band or another scale");
-}
-
 FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
-  if (!obstacle.mesh || obstacle.mesh->triangles.empty())
-    throw InputError(name + ": the mesh '" + obstacle.file + "' has no triangles. Give a closed surface");
-  if (const int64_t open = open_edges(*obstacle.mesh); open > 0)
-    throw InputError(name + ": the mesh '" + obstacle.file + "' is not closed (" + std::to_string(open) +
-                     " open edges). Fill its holes, so that it has an inside");
+  check_mesh(obstacle, name);
   const float width = static_cast<float>(band / voxel) + spare_voxels;
-  check_mesh_size(obstacle, name, voxel, static_cast<double>(width));
+  check_level_set_size(name, "the mesh '" + obstacle.file + "'", size_of(*obstacle.mesh), voxel,
+                       static_cast<double>(width));
   std::vector<openvdb::Vec3d> points;
   for (const Vec3d& v : obstacle.mesh->vertices) points.emplace_back(v[0] / voxel, v[1] / voxel, v[2] / voxel);
   std::vector<openvdb::Vec3I> triangles;
@@ -190,6 +169,7 @@ FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name,
 /// Runs `body` and turns what OpenVDB throws about a file into an InputError.
 template <typename Body>
 auto reading(const std::string& path, Body&& body) {
+  check_file(path, FileFormat::vdb);
   initialize_openvdb();
   try {
     return body();
@@ -214,6 +194,17 @@ void check_size(const openvdb::GridBase& grid, const std::string& path) {
                      "' is too large (at most 2^28 active voxels, coordinates within 2^21). Resample it");
 }
 
+/// Throws InputError where the grid has more voxels than the file's bytes justify: active tiles.
+void check_bytes(const openvdb::GridBase& grid, const std::string& path) {
+  std::error_code code;
+  const auto bytes = static_cast<int64_t>(std::filesystem::file_size(path, code));
+  const auto voxels = static_cast<int64_t>(grid.activeVoxelCount());
+  if (!code && voxels > (int64_t(1) << 20) && voxels / voxels_per_byte > bytes)
+    throw InputError("'" + path + "': grid '" + tame(grid.getName()) + "' has " + std::to_string(voxels) +
+                     " active voxels in " + std::to_string(bytes) +
+                     " bytes (it is filled, no narrow band). Make it a level set with a narrow band");
+}
+
 /// The first level set of floats in the file.
 FloatGrid::Ptr read_level_set(const std::string& path) {
   return reading(path, [&] {
@@ -225,6 +216,7 @@ FloatGrid::Ptr read_level_set(const std::string& path) {
       check_size(*header, path);
       const auto grid = openvdb::gridPtrCast<FloatGrid>(file.readGrid(*name));
       if (!grid || grid->empty() || static_cast<int64_t>(grid->activeVoxelCount()) > max_voxels) continue;
+      check_bytes(*grid, path);
       if (!grid->hasUniformVoxels() || !(grid->voxelSize()[0] > 0))
         throw InputError("'" + path + "': grid '" + tame(*name) + "' has voxels that are not cubes. Resample it");
       for (auto value = grid->cbeginValueOn(); value; ++value)
@@ -260,8 +252,27 @@ bool has_slopes_of_a_distance(const FloatGrid& grid, double voxel) {
   return true;
 }
 
+/// The surface between voxels of different sign. Each of its pieces of a voxel's size is crossed by 1.5 edges of the
+/// grid, in the mean over all directions.
+SurfaceSize surface_of(const FloatGrid& grid) {
+  const auto accessor = grid.getConstAccessor();
+  const double voxel = grid.voxelSize()[0];
+  int64_t crossings = 0;
+  for (auto value = grid.cbeginValueOn(); value; ++value)
+    for (int d = 0; d < 3; ++d) {
+      Coord next = value.getCoord();
+      next[d] += 1;
+      crossings += (*value < 0) != (accessor.getValue(next) < 0) ? 1 : 0;
+    }
+  const auto box = grid.evalActiveVoxelBoundingBox();
+  const auto world = grid.transform().indexToWorld(openvdb::BBoxd(box.min().asVec3d(), box.max().asVec3d()));
+  SurfaceSize size = {static_cast<double>(crossings) / 1.5 * voxel * voxel, 0};
+  for (int d = 0; d < 3; ++d) size.extent = std::max({size.extent, std::abs(world.min()[d]), std::abs(world.max()[d])});
+  return size;
+}
+
 /// The file's level set at the wanted voxel and band: kept where it has them, else rebuilt from its zero surface.
-FloatGrid::Ptr file_level_set(const Obstacle& obstacle, double voxel, double band) {
+FloatGrid::Ptr file_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
   return reading(obstacle.file, [&] {
     auto grid = read_level_set(obstacle.file);
     grid->tree().voxelizeActiveTiles();
@@ -277,6 +288,8 @@ FloatGrid::Ptr file_level_set(const Obstacle& obstacle, double voxel, double ban
     }
     const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
     const float width = static_cast<float>(band / voxel) + spare_voxels;
+    check_level_set_size(name, "the level set of '" + obstacle.file + "'", surface_of(*grid), voxel,
+                         static_cast<double>(width));
     return openvdb::tools::levelSetRebuild(*grid, 0.0f, width, width, transform.get());
   });
 }
@@ -361,7 +374,7 @@ LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const st
   if (obstacle.shape == Shape::mesh) {
     grid = mesh_level_set(obstacle, name, voxel, band);
   } else if (obstacle.shape == Shape::vdb) {
-    grid = file_level_set(obstacle, voxel, band);
+    grid = file_level_set(obstacle, name, voxel, band);
   } else {
     const LocalBox box =
         obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);

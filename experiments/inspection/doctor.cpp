@@ -18,6 +18,7 @@
 #include "core/parallel/instruction_set.h"
 #include "core/parallel/memory.h"
 #include "core/parallel/parallel_for.h"
+#include "core/system/checks/file_check.h"
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
 #include "experiments/process/sibling_program.h"
@@ -166,12 +167,30 @@ void examine_gpu(MachineReport& report) {
                               "'). Unset it; where it is not set, the driver is older than this build");
 }
 
+/// Whether files of this kind can be checked before they are read, and by what.
+void examine_checker(const char* kind, FileFormat format, MachineReport& report) {
+  const std::string name = fmt::format("check of {} files", kind), checker = checker_of(format);
+  if (checks_are_off()) {
+    report.facts.push_back({name, "off (GRAUPEL_CHECKERS=none)"});
+    return;
+  }
+  try {
+    check_file("/proc/self/exe", format);  // of another kind, which is no matter: the checker answers
+    report.facts.push_back({name, checker + " runs"});
+  } catch (const Error& error) {
+    report.facts.push_back({name, checker.empty() ? "not there" : checker + " does not run"});
+    report.hints.push_back(fmt::format("no {} file can be read: {}", kind, error.what()));
+  }
+}
+
 void examine_programs(MachineReport& report) {
   report.facts.push_back({"libraries", joined(libraries())});
   report.facts.push_back({"graupel-train", is_there(training_program) ? "there" : "not there: train, launch"});
   report.facts.push_back({"graupel-bench", is_there(bench_program) ? "there" : "not there: bench"});
   report.facts.push_back({"python3", is_installed("python3") ? "there" : "not there: convert of data sets"});
   report.facts.push_back({"ffmpeg", is_installed("ffmpeg") ? "there" : "not there: videos"});
+  examine_checker("HDF5", FileFormat::hdf5, report);
+  examine_checker("VDB", FileFormat::vdb, report);
 }
 
 }  // namespace

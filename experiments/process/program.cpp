@@ -27,7 +27,8 @@ const char* const environment_help =
     "GRAUPEL_SIMD=baseline, avx2 or avx512 in the environment chooses the instruction set of MPM's "
     "and the networks' kernels on the CPU (default: the best there is);\nGRAUPEL_PRODUCTS=f32 keeps the matrix "
     "products of networks on the CPU in f32 where it has units for bf16, bf16-vectors on vector units where it has "
-    "matrix units.";
+    "matrix units;\nGRAUPEL_CHECKERS=FOLDER has the programs that read HDF5 and VDB files first, since their libraries "
+    "crash on damaged ones ('graupel doctor' tells where they are found); none: files are read unchecked.";
 
 namespace {
 

@@ -5,6 +5,7 @@
 #include <new>
 #include <string_view>
 
+#include "core/system/checks/file_check.h"
 #include "core/system/last_resort.h"
 #include "io/hdf5/output_driver.h"
 
@@ -185,6 +186,7 @@ Handle create_file(const std::string& path) {
 }
 
 Handle open_file(const std::string& path) {
+  check_file(path, FileFormat::hdf5);
   prepare();
   return {H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose, "cannot open the file"};
 }

@@ -63,7 +63,7 @@ class Handle {
 };
 
 Handle create_file(const std::string& path);
-/// Read-only; plugins are never loaded.
+/// Read-only, after check_file(); plugins are never loaded.
 Handle open_file(const std::string& path);
 Handle create_group(hid_t parent, const std::string& name);
 

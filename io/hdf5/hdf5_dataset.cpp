@@ -14,6 +14,7 @@ namespace {
 constexpr uint64_t largest_chunk = uint64_t(1) << 30;
 constexpr uint64_t largest_ratio = 1100;  // deflate shrinks at most 1032 times
 constexpr std::size_t read_cache = std::size_t(16) << 20;
+constexpr const char* missing_chunk = "a chunk is missing";
 constexpr std::size_t chunks_at_once = 32;
 constexpr uint64_t most_expanded = uint64_t(64) << 20;  // bytes of one row of chunks that are kept
 
@@ -207,7 +208,10 @@ bool Dataset::read_chunk(hsize_t row, hsize_t second, FilteredChunk& packed) con
   at[0] = row;
   at[1] = second;
   hsize_t bytes = 0;
-  if (H5Dget_chunk_storage_size(id, at.data(), &bytes) < 0 || bytes == 0) return false;
+  if (H5Dget_chunk_storage_size(id, at.data(), &bytes) < 0 || bytes == 0) {
+    if (is_whole) throw Failure(missing_chunk);
+    return false;
+  }
   if (bytes > 2 * chunk[0] * chunk[1] * particle_bytes() + 64)
     throw Failure("a chunk claims more bytes than its values have");
   packed.bytes.resize(bytes);
@@ -275,6 +279,7 @@ void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out
     out = to += line;
   }
   if (count == 0) return;
+  check_chunks(first, count);
   std::vector<hsize_t> start(size.size(), 0), extent = size, memory_size;
   start[0] = first;
   extent[0] = count;
@@ -290,8 +295,18 @@ void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out
   check(H5Dread(id, memory_type(element), memory_space, file_space, H5P_DEFAULT, out), "cannot read values");
 }
 
+void Dataset::check_chunks(hsize_t first, hsize_t count) const {
+  if (!is_whole || chunk.empty()) return;
+  for (hsize_t row = first - first % chunk[0]; row < std::min(first + count, size[0]); row += chunk[0])
+    if (!has_chunks(row)) throw Failure(missing_chunk);
+}
+
 hsize_t Dataset::missing_chunks() const {
-  if (chunk.empty()) return 0;
+  if (chunk.empty()) {
+    H5D_space_status_t status = H5D_SPACE_STATUS_ERROR;
+    check(H5Dget_space_status(id, &status), "cannot read the storage");
+    return status == H5D_SPACE_STATUS_NOT_ALLOCATED && std::count(size.begin(), size.end(), 0) == 0 ? 1 : 0;
+  }
   hsize_t expected = 1, there = 0;
   for (std::size_t d = 0; d < size.size(); ++d) expected *= (size[d] + chunk[d] - 1) / chunk[d];
   const Handle space(H5Dget_space(id), H5Sclose, "cannot read a size");  // HDF5 1.10 takes no H5S_ALL here

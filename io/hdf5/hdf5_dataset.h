@@ -33,13 +33,14 @@ struct Dataset {
   /// Where values are stored as they lie in memory, behind filters that threads can run at once: what they are.
   std::optional<ChunkFilters> filters;
   std::optional<Element> plain_type;
+  bool is_whole = false;  ///< that it lacks a chunk is an error of read_rows(), where HDF5 gives zeros
 
   /// Rows [first, first + count) of the first dimension. When the last dimension is 2, the values are placed 3 apart
   /// and the third is left alone. Chunks of many rows are expanded by all threads.
   void read_rows(hsize_t first, hsize_t count, Element element, void* out) const;
   /// Whether read_rows() expands chunks of this type itself, beside other threads.
   bool expands_chunks(Element element) const;
-  /// Chunks of its size that the file does not hold, which HDF5 would read as zeros.
+  /// Chunks of its size that the file does not hold, or the one block where it has none; HDF5 would read zeros.
   hsize_t missing_chunks() const;
   /// Whether the file holds every chunk of the row of chunks that starts at `row`.
   bool has_chunks(hsize_t row) const;
@@ -47,6 +48,7 @@ struct Dataset {
  private:
   bool read_chunk(hsize_t row, hsize_t second, FilteredChunk& packed) const;
   bool expand_chunks(hsize_t row) const;
+  void check_chunks(hsize_t first, hsize_t count) const;
   bool expand_rows(hsize_t first, hsize_t count, std::byte* out) const;
   std::size_t particle_bytes() const;
 

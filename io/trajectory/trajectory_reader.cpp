@@ -68,7 +68,7 @@ struct TrajectoryReader::Impl {
   void open();
   const OpenTrajectory& trajectory(int i) const;
   void open_trajectory(int i) const;
-  void check_whole(const hdf5::Dataset& dataset, const std::string& name) const;
+  void check_whole(hdf5::Dataset& dataset, const std::string& name) const;
   double frame_time(hid_t group) const;
   std::vector<double> read_times(hid_t group, hsize_t frames) const;
   Trajectory header(int i) const;
@@ -130,7 +130,8 @@ std::vector<double> TrajectoryReader::Impl::read_times(hid_t group, hsize_t fram
     for (hsize_t k = 0; k < frames; ++k) times[k] = static_cast<double>(k) * frame_time(group);
     return times;
   }
-  const hdf5::Dataset dataset = hdf5::open_dataset(group, "time", 1, hdf5::NumberKind::real, file_size);
+  hdf5::Dataset dataset = hdf5::open_dataset(group, "time", 1, hdf5::NumberKind::real, file_size);
+  check_whole(dataset, "time");
   if (dataset.size[0] != frames) throw hdf5::Failure("'time' and 'position' have different numbers of frames");
   if (frames > 0) dataset.read_rows(0, frames, hdf5::Element::float64, times.data());
   for (hsize_t k = 0; k < frames; ++k)
@@ -141,10 +142,11 @@ std::vector<double> TrajectoryReader::Impl::read_times(hid_t group, hsize_t fram
 }
 
 /// Of a file that says that it is whole.
-void TrajectoryReader::Impl::check_whole(const hdf5::Dataset& dataset, const std::string& name) const {
+void TrajectoryReader::Impl::check_whole(hdf5::Dataset& dataset, const std::string& name) const {
   if (hdf5::integer_attribute(file, "complete").value_or(1) != 1) return;
   if (const hsize_t missing = dataset.missing_chunks(); missing > 0)
     throw hdf5::Failure(std::to_string(missing) + " chunks of '" + name + "' are missing");
+  dataset.is_whole = true;
 }
 
 void TrajectoryReader::Impl::open_trajectory(int i) const {
@@ -165,13 +167,16 @@ void TrajectoryReader::Impl::open_trajectory(int i) const {
   }
   if (hdf5::has_member(next.group, "active")) {
     next.active = hdf5::open_dataset(next.group, "active", 2, hdf5::NumberKind::integer, file_size);
+    check_whole(*next.active, "active");
     if (next.active->size != std::vector<hsize_t>{size[0], size[1]})
       throw hdf5::Failure("'active' and 'position' have different sizes");
   }
   next.fields = open_field_datasets(next.group, size[1], file_size);
-  for (const auto& [field, dataset] : next.fields)
-    if (dataset.size[0] != size[0])
-      throw hdf5::Failure("'" + std::string(info_of(field).name) + "' and 'position' have different sizes");
+  for (auto& [field, dataset] : next.fields) {
+    const std::string name = info_of(field).name;
+    if (dataset.size[0] != size[0]) throw hdf5::Failure("'" + name + "' and 'position' have different sizes");
+    check_whole(dataset, name);
+  }
   next.times = read_times(next.group, size[0]);
   current = std::move(next);
 }
@@ -185,7 +190,8 @@ const OpenTrajectory& TrajectoryReader::Impl::trajectory(int i) const {
 Trajectory TrajectoryReader::Impl::header(int i) const {
   const OpenTrajectory& open = trajectory(i);
   Trajectory out;
-  const auto types = hdf5::open_dataset(open.group, "particle_type", 1, hdf5::NumberKind::integer, file_size);
+  auto types = hdf5::open_dataset(open.group, "particle_type", 1, hdf5::NumberKind::integer, file_size);
+  check_whole(types, "particle_type");
   if (types.size[0] != open.position.size[1])
     throw hdf5::Failure("'particle_type' and 'position' have different numbers of particles");
   out.particle_type.resize(types.size[0]);
@@ -293,8 +299,8 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
     const OpenTrajectory& open = impl_->trajectory(i);
     std::vector<Vec3f> values;
     if (!hdf5::has_member(open.group, "initial_velocity")) return values;
-    const auto dataset =
-        hdf5::open_dataset(open.group, "initial_velocity", 2, hdf5::NumberKind::real, impl_->file_size);
+    auto dataset = hdf5::open_dataset(open.group, "initial_velocity", 2, hdf5::NumberKind::real, impl_->file_size);
+    impl_->check_whole(dataset, "initial_velocity");
     if (dataset.size != std::vector<hsize_t>{open.position.size[1], 3})
       throw hdf5::Failure("'initial_velocity' and 'position' have different sizes");
     values.resize(dataset.size[0]);
@@ -342,11 +348,11 @@ std::vector<std::vector<ContactForce>> TrajectoryReader::contact_forces(int i) c
   return impl_->guarded(i, [&] {
     const OpenTrajectory& open = impl_->trajectory(i);
     std::vector<FrameForces> forces;
-    const auto contacts = open_contact_datasets(open.group, impl_->file_size);
+    auto contacts = open_contact_datasets(open.group, impl_->file_size);
     if (!contacts) return forces;
     if (contacts->row_count() != open.times.size())
       throw hdf5::Failure("its forces and 'position' have different numbers of frames");
-    for (const hdf5::Dataset& dataset : contacts->datasets) impl_->check_whole(dataset, "the forces");
+    for (hdf5::Dataset& dataset : contacts->datasets) impl_->check_whole(dataset, "the forces");
     for (hsize_t row = 0; row < contacts->row_count(); ++row) forces.push_back(contacts->read(row));
     return forces;
   });

@@ -7,6 +7,7 @@
 #include "core/system/unfinished_file.h"
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/hdf5/output_driver.h"
+#include "io/hdf5/superblock.h"
 #include "io/trajectory/part_file.h"
 #include "io/trajectory/recovered_file.h"
 #include "io/trajectory/trajectory_file.h"
@@ -41,6 +42,33 @@ void rewrite(const UnfinishedTrajectory& part, const std::string& path) {
   write_usable(part, path);
   aside.keep();
 }
+
+/// The part file; where the disk lost its end (the power failed, say), a copy that says that it ends where it does.
+class ReadablePart {
+ public:
+  explicit ReadablePart(const std::string& part) : file_(part) {
+    const uint64_t size = fs::file_size(part);
+    if (hdf5::stated_end(part).value_or(0) <= size) return;
+    file_ = copy_ = part + ".cut";
+    std::error_code code;
+    fs::copy_file(part, copy_, fs::copy_options::overwrite_existing, code);
+    if (code) {
+      remove_path(copy_);
+      throw IoError("cannot copy '" + part + "', whose end is lost, to '" + copy_ + "' (" + code.message() +
+                    "). Free space on that disk, or move the file to another");
+    }
+    hdf5::state_end(copy_, size);
+  }
+  ~ReadablePart() {
+    if (!copy_.empty()) remove_path(copy_);
+  }
+  ReadablePart(const ReadablePart&) = delete;
+  ReadablePart& operator=(const ReadablePart&) = delete;
+  const std::string& file() const { return file_; }
+
+ private:
+  std::string file_, copy_;
+};
 
 void merge_into(hid_t out, const std::string& part, int64_t number) {
   const TrajectoryReader reader(part);
@@ -87,7 +115,8 @@ int64_t recover(const std::string& path, const std::string& whole) {
   int64_t usable = 0;
   if (fs::file_size(part_path) == 0) return 0;  // killed before the first flush
   try {
-    const UnfinishedTrajectory part(part_path);
+    const ReadablePart readable(part_path);
+    const UnfinishedTrajectory part(readable.file());
     usable = for_usable_frames(part, [](const ParticleFrame&) {});
     if (usable == 0 || whole.empty()) return usable;
     rewrite(part, whole + ".recovered");

@@ -108,5 +108,20 @@ TEST(Doctor, TellsTheMachineAndWhatMakesItSlow) {
   }
 }
 
+TEST(Doctor, TellsWhereTheCheckersAreAndWhetherTheyRun) {
+  const Outcome usual = graupel("doctor");
+  for (const char* words :
+       {GRAUPEL_BINARY_DIR "/graupel-check-hdf5 runs", GRAUPEL_BINARY_DIR "/graupel-check-vdb runs"})
+    EXPECT_TRUE(usual.says(words)) << words << "\n" << usual.output;
+  const auto doctor_with = [](const std::string& checkers) {
+    return run_program("/usr/bin/env", "GRAUPEL_CHECKERS=" + checkers + " " GRAUPEL_BINARY_DIR "/graupel doctor");
+  };
+  const Outcome missing = doctor_with("/no/such/folder");
+  EXPECT_EQ(missing.exit_code, 0);
+  for (const char* words : {"not there", "no HDF5 file can be read", "no VDB file can be read", "name its folder by"})
+    EXPECT_TRUE(missing.says(words)) << words << "\n" << missing.output;
+  EXPECT_TRUE(doctor_with("none").says("off (GRAUPEL_CHECKERS=none)"));
+}
+
 }  // namespace
 }  // namespace graupel::test

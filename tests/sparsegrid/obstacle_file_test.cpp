@@ -119,16 +119,16 @@ TEST(ObstacleFile, MeshOfACubeEqualsTheBox) {
 
 TEST(ObstacleFile, OpenMeshIsRefusedByName) {
   TriangleMesh mesh = cube_mesh(0.3);
-  EXPECT_EQ(open_edges(mesh), 0);
+  EXPECT_EQ(faults_of(mesh).open_edges, 0);
   TriangleMesh soup;  // every triangle with vertices of its own, as in STL
   for (const auto& t : mesh.triangles) {
     const auto n = static_cast<int32_t>(soup.vertices.size());
     for (const int32_t v : t) soup.vertices.push_back(mesh.vertices[v]);
     soup.triangles.push_back({n, n + 1, n + 2});
   }
-  EXPECT_EQ(open_edges(soup), 0);
+  EXPECT_EQ(faults_of(soup).open_edges, 0);
   mesh.triangles.pop_back();
-  EXPECT_EQ(open_edges(mesh), 3);
+  EXPECT_EQ(faults_of(mesh).open_edges, 3);
   Scene scene = scene_with({make_obstacle(Shape::mesh, {0.5, 0.5, 0.5})});
   scene.obstacles[0].file = "bucket.obj";
   scene.obstacles[0].mesh = std::make_shared<TriangleMesh>(mesh);

@@ -1,0 +1,36 @@
+// The side of the process that reads files of strangers (core/system/checks/file_check.h): graupel-check-hdf5 and
+// graupel-check-vdb.
+#pragma once
+
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <string>
+
+namespace graupel {
+
+/// What the parent sends before the file's path, on the socket that is the child's standard input.
+struct CheckRequest {
+  uint64_t memory = 0;   ///< bytes that the process may take beside what it has
+  uint32_t seconds = 0;  ///< of the processor
+  uint32_t path_length = 0;
+};
+inline constexpr uint32_t longest_checked_path = 1 << 16;
+
+/// What the child answers: a byte.
+enum class CheckAnswer : char { passed = 'p', no_memory = 'm', cut = 'c' };
+/// Exit codes of a child that ends in the middle.
+inline constexpr int check_out_of_time = 124, check_parent_is_gone = 125;
+
+/// The file ends in the middle of what it says that it holds, which the library does not notice.
+struct FileIsCut : std::exception {};
+
+/// Reads all of a file that a reader of Graupel may ask for, and changes nothing. Throws std::bad_alloc where the
+/// library lacked memory, and FileIsCut; what the library refuses by itself is no matter.
+using FileWalk = std::function<void(const std::string& path)>;
+
+/// The main function of a checker: answers requests until its input ends. With files as arguments it checks these and
+/// prints a line for each.
+int run_checker(int argc, char** argv, const FileWalk& walk);
+
+}  // namespace graupel
