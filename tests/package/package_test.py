@@ -118,6 +118,7 @@ class PackageTest(unittest.TestCase):
         if missing:
             self.skipTest(f"not built: {', '.join(missing)}")
         run("cmake", "--install", BUILD, "--prefix", self.prefix, "--component", "programs")
+        run("cmake", "--install", BUILD, "--prefix", self.prefix, "--component", "checkers")
         program = os.path.join(self.prefix, "bin", "graupel")
         self.assertIn("gns", run(program, "convert", "--help"))
         for name in programs[1:]:

@@ -80,13 +80,13 @@ const char* named_folder() {
   return folder == nullptr || *folder == '\0' ? nullptr : folder;
 }
 
+/// Empty where there is none: a program of its own that links the library need not bring one.
 std::string existing_checker(FileFormat format) {
   std::string checker = checker_of(format);
-  if (checker.empty())
-    throw ConfigError("the program '" + std::string(allowance(format).program) +
-                      "', which checks files before they are read, is not there. Install it beside this program or in "
-                      "../libexec/graupel, or name its folder by GRAUPEL_CHECKERS=FOLDER (none: files are read "
-                      "unchecked)");
+  if (checker.empty() && named_folder() != nullptr)
+    throw ConfigError("GRAUPEL_CHECKERS names a folder without the program '" + std::string(allowance(format).program) +
+                      "', which checks files before they are read (" + named_folder() +
+                      "). Name the folder that has it, or none: files are read unchecked then");
   return checker;
 }
 
@@ -133,9 +133,11 @@ void check_file(const std::string& path, FileFormat format) {
   const std::lock_guard lock(all.mutex);
   const Passed file = identity(format, status);
   if (all.passed.count(file) > 0) return;
+  const std::string checker = existing_checker(format);
+  if (checker.empty()) return;
   const CheckRequest request = allowance(format).request(static_cast<uint64_t>(status.st_size));
   const std::string trouble =
-      all.process[static_cast<int>(format)].check(existing_checker(format), fs::absolute(path).string(), request);
+      all.process[static_cast<int>(format)].check(checker, fs::absolute(path).string(), request);
   if (!trouble.empty()) refuse(path, format, trouble);
   all.passed.insert(file);
 }

@@ -10,7 +10,8 @@ enum class FileFormat { hdf5, vdb };
 
 /// Throws InputError where `path` is no regular file, or where the library did not come through it; what the library
 /// refuses by itself is left to the reader. A file that passed is not read again until its size or time changes. After
-/// Ctrl-C or SIGTERM throws StoppedError. Throws ConfigError where the checker is not there.
+/// Ctrl-C or SIGTERM throws StoppedError. Where there is no checker the file is not checked; ConfigError where the
+/// folder that GRAUPEL_CHECKERS names has none.
 void check_file(const std::string& path, FileFormat format);
 
 /// Path of the program that checks this format: graupel-check-hdf5 or graupel-check-vdb in the folder that
