@@ -22,7 +22,8 @@ void add_inspect(const Command& app) {
       .names_folder();
   verb.flag("--recover", options->recover,
             "Make FILE from FILE.part, which a killed run left: every frame whose checksums pass");
-  verb.option("-o,--output", options->output, "Of --recover: make this file, and leave FILE.part as it is");
+  verb.option("-o,--output", options->output, "Of --recover: make this file, and leave FILE.part as it is")
+      .names_file({".h5"});
   options->common.add_without_run_to(verb);
   verb.footer(
       "Examples:\n  graupel inspect models/hgn.safetensors\n  graupel inspect --recover steps.h5\n"

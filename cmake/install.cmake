@@ -85,5 +85,5 @@ install(DIRECTORY models scenes DESTINATION ${share} COMPONENT data)
 install(DIRECTORY tools DESTINATION ${share} COMPONENT programs PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY library/python/graupel/convert/ DESTINATION ${share}/tools/graupel_convert COMPONENT programs
   PATTERN __pycache__ EXCLUDE)
-install(DIRECTORY docs examples DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT docs)
+install(DIRECTORY docs examples DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT docs PATTERN site EXCLUDE)
 install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT docs)

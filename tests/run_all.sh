@@ -69,6 +69,7 @@ if [ -z "$filter" ]; then
     echo "skipped arrays and training under Slurm: needs root and the packages slurmctld slurmd slurm-client munge"
   fi
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
+  check "documentation as web pages: links, search" ./run site
   if [ -e build/tidy/compile_commands.json ]; then
     check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py
   else
