@@ -1,6 +1,7 @@
 // graupel-check-vdb: has OpenVDB read all grids of a file, in a process that may end (core/system/checks/file_check.h).
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
+#include <tbb/global_control.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -27,5 +28,7 @@ void read_file(const std::string& path) {
 
 int main(int argc, char** argv) {
   setenv("OPENVDB_DISABLE_DELAYED_LOAD", "1", 1);
+  // The stacks of a machine's many threads would not fit into the memory that a small file may take.
+  const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
   return graupel::run_checker(argc, argv, read_file);
 }

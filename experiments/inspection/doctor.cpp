@@ -175,6 +175,10 @@ void examine_checker(const char* kind, FileFormat format, MachineReport& report)
     return;
   }
   try {
+    if (checker.empty() && std::getenv("GRAUPEL_CHECKERS") == nullptr) {
+      report.facts.push_back({name, "not there: files are read unchecked"});
+      return;
+    }
     check_file("/proc/self/exe", format);  // of another kind, which is no matter: the checker answers
     report.facts.push_back({name, checker + " runs"});
   } catch (const Error& error) {

@@ -118,7 +118,8 @@ TEST(Doctor, TellsWhereTheCheckersAreAndWhetherTheyRun) {
   };
   const Outcome missing = doctor_with("/no/such/folder");
   EXPECT_EQ(missing.exit_code, 0);
-  for (const char* words : {"not there", "no HDF5 file can be read", "no VDB file can be read", "name its folder by"})
+  for (const char* words :
+       {"not there", "no HDF5 file can be read", "no VDB file can be read", "Name the folder that has it"})
     EXPECT_TRUE(missing.says(words)) << words << "\n" << missing.output;
   EXPECT_TRUE(doctor_with("none").says("off (GRAUPEL_CHECKERS=none)"));
 }

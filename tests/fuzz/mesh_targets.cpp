@@ -9,7 +9,7 @@ namespace {
 
 void read(const std::string& bytes, const std::string& ending) {
   const TriangleMesh mesh = io::read_mesh(file_with(bytes, "input" + ending), 0.5);
-  static_cast<void>(sparsegrid::open_edges(mesh));
+  static_cast<void>(sparsegrid::faults_of(mesh));
 }
 
 void run_obj(const std::string& bytes) { read(bytes, ".obj"); }
