@@ -32,7 +32,7 @@ def navigation():
     """The sections and pages of the index docs/README.md, between the front page and the project's own."""
     sections = [{"Home": ["index.md", "documentation.md"]}]
     for title, body in re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", read("docs/README.md"), re.M | re.S):
-        pages = [{name: page} for name, page in re.findall(r"\[([^\]]+)\]\(([^)#]+\.md)\)", body)]
+        pages = [{name[0].upper() + name[1:]: page} for name, page in re.findall(r"\[([^\]]+)\]\(([^)#]+\.md)\)", body)]
         decisions = [page for page in pages if list(page.values())[0].startswith("decisions/")]
         pages = [page for page in pages if page not in decisions]
         sections.append({title.split(":")[0]: pages + ([{"Decisions": decisions}] if decisions else [])})
