@@ -199,6 +199,7 @@ std::string page_text(const CommandPath& path, const std::vector<CommandPath>& t
 std::vector<ManPage> man_pages(const CommandDescription& program, const std::string& version, const std::string& date) {
   const std::vector<CommandPath> tree = command_tree(program);
   std::vector<ManPage> pages;
+  pages.reserve(tree.size());
   for (const CommandPath& path : tree) pages.push_back({path.joined("-"), page_text(path, tree, version, date)});
   return pages;
 }
