@@ -58,12 +58,6 @@ install(FILES ${PROJECT_BINARY_DIR}/GraupelConfig.cmake ${PROJECT_BINARY_DIR}/Gr
   DESTINATION ${package} COMPONENT library)
 
 # Programs find each other in their own folder, and tools, models and scenes in ../share/graupel.
-set(programs graupel)
-foreach(program graupel-train graupel-bench)
-  if(TARGET ${program})
-    list(APPEND programs ${program})
-  endif()
-endforeach()
 if(GRAUPEL_SHARED)
   file(RELATIVE_PATH libraries ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
   set_target_properties(${programs} PROPERTIES INSTALL_RPATH $ORIGIN/${libraries})

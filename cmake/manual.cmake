@@ -5,12 +5,6 @@ if(CMAKE_CROSSCOMPILING)
 endif()
 set(GRAUPEL_ZSH_FOLDER zsh/site-functions CACHE STRING "Folder of zsh's functions in share; of Debian's packages zsh/vendor-completions")
 set(manual ${PROJECT_BINARY_DIR}/manual)
-set(manual_of graupel)
-foreach(program graupel-train graupel-bench)
-  if(TARGET ${program})
-    list(APPEND manual_of ${program})
-  endif()
-endforeach()
 add_custom_command(OUTPUT ${manual}/made
   COMMAND ${CMAKE_COMMAND} -E rm -rf ${manual}
   COMMAND ${CMAKE_COMMAND} -E make_directory ${manual}/bash ${manual}/zsh ${manual}/fish
@@ -19,7 +13,7 @@ add_custom_command(OUTPUT ${manual}/made
   COMMAND graupel completion zsh -o ${manual}/zsh/_graupel
   COMMAND graupel completion fish -o ${manual}/fish/graupel.fish
   COMMAND ${CMAKE_COMMAND} -E touch ${manual}/made
-  DEPENDS ${manual_of} tools/convert.py library/python/graupel/convert/flags.py
+  DEPENDS ${programs} tools/convert.py library/python/graupel/convert/flags.py
   COMMENT "Man pages and completion of shells" VERBATIM)
 add_custom_target(graupel_manual ALL DEPENDS ${manual}/made)
 install(DIRECTORY ${manual}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT manual)
