@@ -56,6 +56,10 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped exported files in ${library#*:}: 'python3 tests/export/programs_test.py --install' installs it"
   done
+  if ! command -v pvpython > /dev/null; then
+    skipped=$((skipped + 1))
+    echo "skipped exported files in ParaView: needs the package python3-paraview"
+  fi
   if [ -e build/libgraupel_inject.so ]; then
     check "failed writes of exports" /usr/bin/python3 tests/faults/faults_test.py --only export --kinds write
   else

@@ -3,6 +3,7 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -15,8 +16,10 @@ namespace {
 
 constexpr itimerval grace = {{0, 0}, {0, 800'000}};  ///< less than the second that is promised
 
-volatile std::sig_atomic_t caught = 0;
-volatile std::sig_atomic_t policy_now = static_cast<int>(StopPolicy::finish);
+// Read by other threads than the one that the signal interrupts.
+std::atomic<int> caught = 0;
+std::atomic<StopPolicy> policy_now = StopPolicy::finish;
+static_assert(std::atomic<int>::is_always_lock_free && std::atomic<StopPolicy>::is_always_lock_free);
 
 bool ends_process(int signal) { return signal == SIGINT || signal == SIGTERM; }
 
@@ -33,7 +36,7 @@ void print(const char* text) {
 }
 
 void act_on_stop() {
-  const auto policy = static_cast<StopPolicy>(policy_now);
+  const StopPolicy policy = policy_now;
   if (policy == StopPolicy::at_once) end_process();
   if (policy == StopPolicy::within_a_second) ::setitimer(ITIMER_REAL, &grace, nullptr);
 }
@@ -49,11 +52,11 @@ extern "C" void remember_signal(int signal) {
 }
 
 extern "C" void end_after_grace(int) {
-  if (static_cast<StopPolicy>(policy_now) != StopPolicy::finish) end_process();
+  if (policy_now != StopPolicy::finish) end_process();
 }
 
 void set_policy(StopPolicy policy) {
-  policy_now = static_cast<int>(policy);
+  policy_now = policy;
   if (ends_process(caught)) act_on_stop();
 }
 
@@ -71,7 +74,7 @@ void catch_stop_signals(StopPolicy policy) {
 
 int stop_signal() { return caught; }
 
-StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(static_cast<StopPolicy>(policy_now)) {
+StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(policy_now) {
   set_policy(policy);
 }
 
@@ -87,7 +90,7 @@ void throw_interrupted(const std::string& what_now) {
 }
 
 void give_up_if_stopped() {
-  if (static_cast<StopPolicy>(policy_now) != StopPolicy::finish) stop_if_interrupted();
+  if (policy_now != StopPolicy::finish) stop_if_interrupted();
 }
 
 int saved_exit_code() {

@@ -2,11 +2,12 @@
 """Exported files in other programs: each format is opened by the library of a program that reads it.
 
     python3 tests/export/programs_test.py                 # with what this Python has; the rest is skipped
+    python3 tests/export/programs_test.py ParaView --picture FILE.png
     python3 tests/export/programs_test.py --install       # in build/export-python, with usd-core and vtk from PyPI
     python3 tests/export/programs_test.py --install --blender [--picture FILE.png]   # and bpy (1 GB), a frame rendered
 
-Runs build/graupel. USD by usd-core (pxr); VTP, PVD, PLY and OBJ by VTK, which ParaView's readers are; all that Blender
-reads by bpy. Film by ffprobe. .bgeo and .vdb are read back by tests/io alone.
+Runs build/graupel. USD by usd-core (pxr); VTP, PVD, PLY and OBJ by VTK; .pvd and OBJ by ParaView's pvpython (Debian's
+python3-paraview), and a frame rendered under xvfb with --picture; all that Blender reads by bpy. Film by ffprobe. .bgeo and .vdb are read back by tests/io alone.
 """
 import argparse
 import importlib.util
@@ -23,6 +24,7 @@ import xml.etree.ElementTree
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 GRAUPEL = os.path.join(ROOT, "build", "graupel")
 ENVIRONMENT = os.path.join(ROOT, "build", "export-python")
+READ_IN_PARAVIEW = os.path.join(os.path.dirname(os.path.abspath(__file__)), "read_in_paraview.py")
 SCENE = """{
   "name": "two",
   "domain": {"dx": 0.03125},
@@ -72,8 +74,8 @@ class Exported(unittest.TestCase):
         if done.returncode != 0:
             raise AssertionError(f"graupel {' '.join(words)}: {done.stderr}")
 
-    def exported(self, file_format, *options):
-        folder = self.file(self.id().rsplit(".", 1)[1] + "_" + file_format)
+    def exported(self, file_format, *options, folder=None):
+        folder = self.file(folder or self.id().rsplit(".", 1)[1] + "_" + file_format)
         self.graupel("export", self.run_file, "--format", file_format, "-o", folder, *options)
         return folder
 
@@ -201,6 +203,31 @@ class Vtk(Exported):
         self.assertGreater(self.read(vtk.vtkPLYReader(), os.path.join(folder, "two_0003.ply")).GetNumberOfPoints(), 4000)
 
 
+@unittest.skipUnless(shutil.which("pvpython"), "ParaView is not installed (Debian: apt-get install python3-paraview)")
+class ParaView(Exported):
+    def test_collections_over_time(self):
+        points = os.path.join(self.exported("vtp"), "two.pvd")
+        surfaces = os.path.join(self.exported("vtp", "--surface", folder="surfaces"), "two.pvd")
+        mesh = os.path.join(self.exported("obj", "--surface", "--frames", "0"), "two_water_0000.obj")
+        words = ["pvpython", READ_IN_PARAVIEW, points, surfaces, mesh]
+        if picture:
+            words = ["xvfb-run", "-a", *words, picture]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        read = json.loads(done.stdout.splitlines()[-1])
+        for times in (read["times"], read["surface_times"]):
+            self.assertEqual([round(60 * time) for time in times], list(range(LAST + 1)))
+        self.assertGreater(read["points"], 4000)
+        self.assertEqual(read["point_arrays"], ["J", "id", "particle_type", "velocity"])
+        self.assertEqual(read["surface_arrays"], ["Normals", "particle_type", "velocity"])
+        low, high = read["surface_bounds"][::2], read["surface_bounds"][1::2]
+        self.assertAlmostEqual(low[0], 0.15 + LAST / 60, delta=0.02)  # the box flies at 1 m/s, the ball rests at x = 0.7
+        self.assertAlmostEqual(high[0], 0.7 + 0.12, delta=0.02)
+        box, ball = 2 * (0.3 * 0.2 + 0.2 * 0.3 + 0.3 * 0.3), 4 * 3.14159 * 0.12**2
+        self.assertAlmostEqual(read["surface_area"] / (box + ball), 1, delta=0.15)
+        self.assertGreater(read["mesh_points"], 1000)
+
+
 @needs("bpy", "bpy")
 class Blender(Exported):
     def setUp(self):
@@ -288,7 +315,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--install", action="store_true", help="run in build/export-python, made with PyPI's packages")
     parser.add_argument("--blender", action="store_true", help="with --install: bpy too (1 GB)")
-    parser.add_argument("--picture", help="where Blender renders a frame to")
+    parser.add_argument("--picture", help="where ParaView, or Blender, renders a frame to")
     arguments, rest = parser.parse_known_args()
     if arguments.install:
         python = os.path.join(ENVIRONMENT, "bin", "python")
