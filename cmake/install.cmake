@@ -5,7 +5,7 @@ include(CMakePackageConfigHelpers)
 # places may be public; tests/package compiles each one alone.
 set(graupel_public_places "core/math/" "core/scene/" "core/system/error.h" "core/parallel/device.h" "core/parallel/host_device.h"
     "io/scene/scene_reader.h" "io/trajectory/trajectory_file.h" "mpm/materials/user_material.h" "library/")
-set(headers library/io.h library/mpm.h library/graph.h library/rom.h core/math/svd.h core/math/polar.h)
+set(headers library/io.h library/mpm.h library/batch.h library/graph.h library/rom.h core/math/svd.h core/math/polar.h)
 set(public_headers "")
 while(headers)
   list(POP_FRONT headers header)

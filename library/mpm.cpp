@@ -15,10 +15,12 @@ struct Simulation::Impl {
   /// Copies of the present state; empty until they are asked for.
   std::shared_ptr<const ParticleFrame> frame;
   std::map<ParticleField, std::shared_ptr<const std::vector<float>>> fields;
+  std::map<ParticleQuantity, std::shared_ptr<const float>> on_device;
 
   void forget_copies() {
     frame.reset();
     fields.clear();
+    on_device.clear();
   }
   const std::shared_ptr<const ParticleFrame>& state() {
     if (!frame) frame = std::make_shared<const ParticleFrame>(run->frame());
@@ -36,7 +38,7 @@ Scene with_names(Scene scene) {
 }  // namespace
 
 Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
-    : impl_(std::make_unique<Impl>(Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}})) {
+    : impl_(std::make_unique<Impl>(Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}, {}})) {
   if (settings.device == Device::cuda) parse_device("cuda");  // says what is missing
   mpm::SimulationOptions options;
   options.device = settings.device;
@@ -72,6 +74,12 @@ std::shared_ptr<const std::vector<float>> Simulation::shared_field(ParticleField
   auto [place, is_new] = impl_->fields.try_emplace(field);
   if (is_new) place->second = std::make_shared<const std::vector<float>>(std::move(impl_->run->fields({field})[field]));
   return place->second;
+}
+
+std::shared_ptr<const float> Simulation::on_device(ParticleQuantity what) const {
+  std::shared_ptr<const float>& rows = impl_->on_device[what];
+  if (!rows) rows = impl_->run->rows(what);
+  return rows;
 }
 
 Balance Simulation::balance() const {

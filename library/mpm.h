@@ -10,6 +10,7 @@
 
 #include "core/parallel/device.h"
 #include "core/scene/contact_force.h"
+#include "core/scene/particle_quantity.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "core/system/error.h"
@@ -65,6 +66,9 @@ class Simulation {
   /// What the spans above look at, for callers that keep it beyond the next frame; it never changes.
   std::shared_ptr<const ParticleFrame> shared_frame() const;
   std::shared_ptr<const std::vector<float>> shared_field(ParticleField field) const;
+  /// The same numbers, [particles, components_of(what)], in the memory of the run's device: of the GPU where it runs on
+  /// one. Gathered once a frame; they never change and may be kept.
+  std::shared_ptr<const float> on_device(ParticleQuantity what) const;
   Balance balance() const;
   /// What the matter did to each obstacle and wall in the frame before, in the order of contact_names(scene()); inside
   /// of a frame since its start, or since load_state(). Empty unless SimulationSettings::contact_forces.

@@ -9,6 +9,7 @@
 #include "mpm/gpu/blocks/batch_state.h"
 #include "mpm/gpu/cuda_backend.cuh"
 #include "mpm/gpu/small/small_scene_solver.h"
+#include "mpm/particles/particle_rows.h"
 #include "mpm/particles/state_check.h"
 #include "mpm/scene/scene_hash.h"
 
@@ -39,6 +40,9 @@ class CudaSimulation final : public Simulation {
     return f;
   }
   ParticleFields fields(FieldSet wanted) const override { return fields_of(solver_.particles(), wanted, active()); }
+  std::shared_ptr<const float> rows(ParticleQuantity what) const override {
+    return gather_rows(solver_.present_particles(), what, active());
+  }
   Diagnostics diagnostics() const override {
     return diagnose(solver_.particles(), solver_.setup(0).material_configs, scene(), active());
   }
@@ -124,6 +128,14 @@ class BatchPart {
     std::vector<ParticleFrame> own = frames_of_scenes(*solver_, wanted, frames_done);
     for (std::size_t i = 0; i < scenes_.size(); ++i) frames[static_cast<std::size_t>(scenes_[i])] = std::move(own[i]);
   }
+  void give_rows(ParticleQuantity what, std::vector<std::shared_ptr<const float>>& rows) const {
+    if (!solver_) return;
+    const std::shared_ptr<const float> all =
+        gather_rows(solver_->present_particles(), what, active_of_scenes(*solver_));
+    for (std::size_t i = 0; i < scenes_.size(); ++i)
+      rows[static_cast<std::size_t>(scenes_[i])] = {
+          all, all.get() + components_of(what) * solver_->first_particle(static_cast<int>(i))};
+  }
   int64_t active_blocks() const { return solver_ ? solver_->active_blocks() : 0; }
   int64_t memory_bytes() const { return solver_ ? solver_->memory_bytes() : 0; }
 
@@ -159,7 +171,7 @@ class CudaBatch final : public SceneBatch {
   const std::vector<int32_t>& particle_type(int scene) const override {
     return *types_[static_cast<std::size_t>(scene)];
   }
-  void advance_frame() override;
+  bool advance_frame(const std::function<bool()>& stop) override;
   std::optional<std::string> divergence(int scene) const override {
     return divergence_[static_cast<std::size_t>(scene)];
   }
@@ -168,6 +180,13 @@ class CudaBatch final : public SceneBatch {
     small_.give_frames(wanted, frames_done_, all);
     changing_.give_frames(wanted, frames_done_, all);
     others_.give_frames(wanted, frames_done_, all);
+    return all;
+  }
+  std::vector<std::shared_ptr<const float>> rows(ParticleQuantity what) const override {
+    std::vector<std::shared_ptr<const float>> all(types_.size());
+    small_.give_rows(what, all);
+    changing_.give_rows(what, all);
+    others_.give_rows(what, all);
     return all;
   }
   RunStatistics statistics() const override {
@@ -197,7 +216,7 @@ class CudaBatch final : public SceneBatch {
   double seconds_ = 0;
 };
 
-void CudaBatch::advance_frame() {
+bool CudaBatch::advance_frame(const std::function<bool()>& /*stop*/) {
   const auto begin = std::chrono::steady_clock::now();
   small_.advance_frame();
   changing_.advance_frame();
@@ -208,6 +227,7 @@ void CudaBatch::advance_frame() {
       divergence_[static_cast<std::size_t>(scene)] = why_stopped(solver, number, frames_done_);
   });
   ++frames_done_;
+  return true;
 }
 
 }  // namespace

@@ -22,8 +22,11 @@ class GroupedBatch final : public SceneBatch {
   const std::vector<int32_t>& particle_type(int scene) const override {
     return batch(scene).particle_type(slot(scene).index);
   }
-  void advance_frame() override {
-    for (const auto& batch : batches_) batch->advance_frame();
+  bool advance_frame(const std::function<bool()>& stop) override {
+    for (; next_ < batches_.size(); ++next_)
+      if (stop() || !batches_[next_]->advance_frame(stop)) return false;
+    next_ = 0;
+    return true;
   }
   std::optional<std::string> divergence(int scene) const override { return batch(scene).divergence(slot(scene).index); }
   std::vector<ParticleFrame> frames(FieldSet wanted) const override {
@@ -33,6 +36,14 @@ class GroupedBatch final : public SceneBatch {
     for (const Slot& slot : slots_)
       frames.push_back(std::move(of_groups[slot.group][static_cast<std::size_t>(slot.index)]));
     return frames;
+  }
+  std::vector<std::shared_ptr<const float>> rows(ParticleQuantity what) const override {
+    std::vector<std::shared_ptr<const float>> rows(slots_.size());
+    std::vector<std::vector<std::shared_ptr<const float>>> of_groups;
+    for (const auto& batch : batches_) of_groups.push_back(batch->rows(what));
+    for (std::size_t i = 0; i < slots_.size(); ++i)
+      rows[i] = of_groups[slots_[i].group][static_cast<std::size_t>(slots_[i].index)];
+    return rows;
   }
   RunStatistics statistics() const override {
     RunStatistics all;
@@ -58,6 +69,7 @@ class GroupedBatch final : public SceneBatch {
 
   std::vector<std::unique_ptr<SceneBatch>> batches_;
   std::vector<Slot> slots_;
+  std::size_t next_ = 0;  ///< batch with part of the frame still to make
 };
 
 }  // namespace

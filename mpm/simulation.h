@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 #include "core/parallel/device.h"
 #include "core/parallel/instruction_set.h"
 #include "core/scene/contact_force.h"
+#include "core/scene/particle_quantity.h"
 #include "core/scene/scene.h"
 #include "core/scene/trajectory.h"
 #include "mpm/sampling.h"
@@ -105,6 +107,8 @@ class Simulation {
   /// The `wanted` fields of the same state in the same order; no stress and no affine velocity where a particle is not
   /// in the run.
   virtual ParticleFields fields(FieldSet wanted) const = 0;
+  /// The same numbers of one quantity, [particle_count(), components_of(what)], in the memory of the run's device.
+  virtual std::shared_ptr<const float> rows(ParticleQuantity what) const = 0;
   virtual Diagnostics diagnostics() const = 0;
   virtual RunStatistics statistics() const = 0;
   /// What the matter did to each obstacle and wall in the frame before (inside of a frame: since its start, or since
@@ -142,12 +146,19 @@ class SceneBatch {
   virtual int scene_count() const = 0;
   /// Types of a scene's particles, in the order of frames().
   virtual const std::vector<int32_t>& particle_type(int scene) const = 0;
-  /// One frame of every scene that has not diverged.
-  virtual void advance_frame() = 0;
+  /// One frame of every scene that has not diverged. It ends early, and returns false, once `stop` is true, which is
+  /// asked between two substeps on the threads that make them (the tuned kernels for GPUs do not ask); the next call
+  /// goes on with that frame.
+  virtual bool advance_frame(const std::function<bool()>& stop) = 0;
+  void advance_frame() {
+    advance_frame([] { return false; });
+  }
   /// Why a scene has diverged, in the words of Simulation::advance_frame's DivergedError; nothing while it has not.
   virtual std::optional<std::string> divergence(int scene) const = 0;
   /// Of each scene, as Simulation::frame() with the `wanted` fields in it. That of a diverged scene is of no use.
   virtual std::vector<ParticleFrame> frames(FieldSet wanted) const = 0;
+  /// Of each scene, as Simulation::rows().
+  virtual std::vector<std::shared_ptr<const float>> rows(ParticleQuantity what) const = 0;
   /// Of all scenes together: active_blocks, peak_bytes, loads_without_carriers, solver_seconds, and substeps (the most
   /// of any scene).
   virtual RunStatistics statistics() const = 0;

@@ -12,6 +12,8 @@ bool is_built_in();
 /// GPUs that can be used; 0 without a driver.
 int device_count();
 std::string device_name();
+/// Number of the GPU in whose memory a pointer lies; -1 on the host.
+int device_of(const void* pointer);
 
 /// All throw std::runtime_error with CUDA's text; in a build without CUDA std::logic_error.
 void* allocate(std::size_t bytes);  ///< throws ConfigError where the GPU's memory is full

@@ -12,6 +12,7 @@ namespace {
 bool is_built_in() { return false; }
 int device_count() { return 0; }
 std::string device_name() { no_cuda(); }
+int device_of(const void*) { return -1; }
 void* allocate(std::size_t) { no_cuda(); }
 void free(void*) noexcept {}
 void copy(void*, const void*, std::size_t) { no_cuda(); }

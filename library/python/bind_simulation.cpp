@@ -8,18 +8,11 @@
 #include <cstring>
 
 #include "library/io.h"
-#include "library/python/binding.h"
+#include "library/python/gpu_array.h"
 
 namespace graupel::python {
 
 namespace {
-
-ParticleField field_named(const std::string& name) {
-  for (const ParticleField field : all_particle_fields)
-    if (name == info_of(field).name) return field;
-  FieldSet::parse(name);  // says which there are
-  throw ConfigError("one field at a time ('" + name + "'). Ask for each alone");
-}
 
 /// [names, 3].
 nb::ndarray<nb::numpy, const double> vectors_of(const std::vector<ContactForce>& forces, Vec3d ContactForce::*member) {
@@ -40,6 +33,7 @@ class PySimulation {
     settings.f64 = precision == "f64";
     settings.seed = seed;
     settings.contact_forces = forces;
+    on_gpu_ = settings.device == Device::cuda;
     nb::gil_scoped_release release;
     run_ = std::make_unique<Simulation>(scene, settings);
   }
@@ -63,15 +57,17 @@ class PySimulation {
     }
   }
 
-  Rows positions() {
+  nb::object positions() {
     const InUse in_use(busy_);
+    if (on_gpu_) return nb::cast(on_device(ParticleQuantity::position));
     const auto frame = run_->shared_frame();
-    return rows_of(frame->position, frame);
+    return nb::cast(rows_of(frame->position, frame));
   }
-  Rows velocities() {
+  nb::object velocities() {
     const InUse in_use(busy_);
+    if (on_gpu_) return nb::cast(on_device(ParticleQuantity::velocity));
     const auto frame = run_->shared_frame();
-    return rows_of(frame->velocity, frame);
+    return nb::cast(rows_of(frame->velocity, frame));
   }
   nb::ndarray<nb::numpy, const uint8_t> active() {
     const InUse in_use(busy_);
@@ -80,12 +76,15 @@ class PySimulation {
       return array_of(std::vector<uint8_t>(run_->particle_count(), 1), {run_->particle_count()});
     return array_of(frame->active, {frame->active.size()}, frame);
   }
-  nb::ndarray<nb::numpy, const float> field(const std::string& name) {
+  nb::object field(const std::string& name) {
     const InUse in_use(busy_);
     const ParticleField wanted = field_named(name);
+    if (on_gpu_) return nb::cast(on_device(quantity_of(wanted)));
     const auto values = run_->shared_field(wanted);
-    return field_array(wanted, *values, values);
+    return nb::cast(field_array(wanted, *values, values));
   }
+  /// As on a GPU, also for runs on the CPU.
+  GpuArray on_device(ParticleQuantity what) const { return {run_->on_device(what), run_->particle_count(), what}; }
   nb::ndarray<nb::numpy, const int32_t> particle_types() {
     const std::span<const int32_t> types = run_->particle_type();
     return array_of(std::vector<int32_t>(types.begin(), types.end()), {types.size()});
@@ -138,6 +137,7 @@ class PySimulation {
   }
 
   std::unique_ptr<Simulation> run_;
+  bool on_gpu_ = false;
   std::atomic<bool> busy_ = false;
 };
 
@@ -184,7 +184,7 @@ void bind_simulation(nb::module_& module) {
       "Long calls release the GIL, use all threads (set_num_threads()) and end with Ctrl-C.\n"
       "One Python thread at a time may use a run; a second one gets a RuntimeError.\n"
       "Arrays are read-only views without a copy of the state when they were asked for. They stay\n"
-      "valid and unchanged after later frames and after the run's end.")
+      "valid and unchanged after later frames and after the run's end. Those of a run on a GPU are there (GpuArray).")
       .def(nb::init<const Scene&, const std::string&, const std::string&, std::optional<uint64_t>, bool>(), "scene"_a,
            "device"_a = "cpu", "precision"_a = "f32", "seed"_a = nb::none(), "forces"_a = false,
            "Samples the sources and builds the obstacles.\n\n"
@@ -199,14 +199,15 @@ void bind_simulation(nb::module_& module) {
       .def("run", &PySimulation::run, "frames"_a = nb::none(), "progress"_a = nb::none(),
            nb::sig("def run(self, frames: int | None = None, progress: Callable[[int], object] | None = None) -> None"),
            "So many frames, default the scene's; progress(frame) after each.")
-      .def_prop_ro("positions", &PySimulation::positions, nb::rv_policy::automatic,
+      .def_prop_ro("positions", &PySimulation::positions, nb::sig("def positions(self) -> numpy.ndarray | GpuArray"),
                    "f32 [particles, 3], m. The order never changes.")
-      .def_prop_ro("velocities", &PySimulation::velocities, nb::rv_policy::automatic, "f32 [particles, 3], m/s.")
+      .def_prop_ro("velocities", &PySimulation::velocities, nb::sig("def velocities(self) -> numpy.ndarray | GpuArray"),
+                   "f32 [particles, 3], m/s.")
       .def_prop_ro("active", &PySimulation::active, nb::rv_policy::automatic,
                    "u8 [particles]: 0 for particles that are not in the run (yet, any more).")
       .def_prop_ro("particle_types", &PySimulation::particle_types, nb::rv_policy::automatic,
                    "i32 [particles], ids of the material's model; docs/reference/file_formats.md.")
-      .def("field", &PySimulation::field, "name"_a,
+      .def("field", &PySimulation::field, "name"_a, nb::sig("def field(self, name: str) -> numpy.ndarray | GpuArray"),
            "f32: 'stress' [n, 6] Pa (Kirchhoff: xx, xy, xz, yy, yz, zz), 'affine' [n, 3, 3] 1/s,\n"
            "'deformation_gradient' [n, 3, 3] (elastic part), 'plastic' [n].")
       .def("balance", &PySimulation::balance, nb::sig("def balance(self) -> dict"),
@@ -223,7 +224,15 @@ void bind_simulation(nb::module_& module) {
       .def_prop_ro("time", &PySimulation::time, "[s].")
       .def_prop_ro("substeps", &PySimulation::substeps, "So far.")
       .def_prop_ro("particle_count", &PySimulation::particle_count)
-      .def_prop_ro("scene", [](const PySimulation& run) { return run.simulation().scene(); });
+      .def_prop_ro("scene", [](const PySimulation& run) { return run.simulation().scene(); })
+      .def(
+          "_on_device",
+          [](const PySimulation& run, const std::string& name) {
+            if (name == "positions") return run.on_device(ParticleQuantity::position);
+            if (name == "velocities") return run.on_device(ParticleQuantity::velocity);
+            return run.on_device(quantity_of(field_named(name)));
+          },
+          "name"_a, "The GpuArray of a run on a GPU, in the memory of whatever device the run is on: for tests.");
 
   nb::class_<PyWriter>(module, "TrajectoryWriter",
                        "Writes a run to an HDF5 file frame by frame; a context manager.\n\n"

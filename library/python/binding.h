@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/scene/trajectory.h"
+#include "core/system/error.h"
 
 namespace graupel::python {
 
@@ -21,6 +22,8 @@ void register_errors();
 void bind_scene(nb::module_& module);
 void bind_simulation(nb::module_& module);
 void bind_trajectory(nb::module_& module);
+void bind_gpu_array(nb::module_& module);
+void bind_batch(nb::module_& module);
 void bind_models(nb::module_& module);
 
 using Rows = nb::ndarray<nb::numpy, const float, nb::ndim<2>>;
@@ -45,6 +48,14 @@ template <typename T>
 nb::ndarray<nb::numpy, const T> array_of(std::vector<T> values, std::initializer_list<std::size_t> shape) {
   auto owner = std::make_shared<std::vector<T>>(std::move(values));
   return array_of(*owner, shape, owner);
+}
+
+/// Throws ConfigError, which tells the names.
+inline ParticleField field_named(const std::string& name) {
+  for (const ParticleField field : all_particle_fields)
+    if (name == info_of(field).name) return field;
+  FieldSet::parse(name);  // says which there are
+  throw ConfigError("one field at a time ('" + name + "'). Ask for each alone");
 }
 
 /// A stored field with the shape that fits it: stress [n, 6], affine and deformation_gradient [n, 3, 3], plastic [n].

@@ -21,7 +21,9 @@ NB_MODULE(_graupel, module) {
              "Number of CPU threads of all runs; 0: all that the process may use.");
   module.def("num_threads", &num_threads, "Number of CPU threads of all runs.");
   python::bind_scene(module);
+  python::bind_gpu_array(module);
   python::bind_simulation(module);
+  python::bind_batch(module);
   python::bind_trajectory(module);
   python::bind_models(module);
 }

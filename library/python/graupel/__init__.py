@@ -14,9 +14,11 @@ from ._machine import load_module as _load_module
 _load_module()
 
 from ._graupel import (  # noqa: E402
+    Batch,
     DataSet,
     Frame,
     FrameArrays,
+    GpuArray,
     NetworkModel,
     ReducedModel,
     Scene,
@@ -37,8 +39,8 @@ from ._shared import model_path, scene_path  # noqa: E402
 from ._verbs import compare, generate  # noqa: E402
 
 __all__ = [
-    "ConfigError", "DataSet", "DivergedError", "Error", "Frame", "FrameArrays", "InputError", "IoError", "NetworkModel",
-    "ReducedModel", "Scene", "SceneBuilder", "Simulation", "Trajectory", "TrajectoryWriter", "__version__", "compare",
-    "convert", "cuda_available", "generate", "instruction_set", "model_path", "num_threads", "open", "rollout",
-    "scene_path", "set_num_threads", "simulate",
+    "Batch", "ConfigError", "DataSet", "DivergedError", "Error", "Frame", "FrameArrays", "GpuArray", "InputError",
+    "IoError", "NetworkModel", "ReducedModel", "Scene", "SceneBuilder", "Simulation", "Trajectory", "TrajectoryWriter",
+    "__version__", "compare", "convert", "cuda_available", "generate", "instruction_set", "model_path", "num_threads",
+    "open", "rollout", "scene_path", "set_num_threads", "simulate",
 ]

@@ -52,18 +52,24 @@ std::string why_stopped(const Batch& batch, int scene_number, int64_t frames_don
   }
 }
 
+/// By source_index, which counts through all scenes; empty while every one has all its particles.
+template <typename Batch>
+std::vector<uint8_t> active_of_scenes(const Batch& batch) {
+  std::vector<uint8_t> active;
+  for (int i = 0; i < batch.scene_count(); ++i) {
+    const std::vector<uint8_t> own = batch.setup(i).lifecycle.active();
+    if (own.empty()) continue;
+    active.resize(static_cast<std::size_t>(batch.first_particle(batch.scene_count())), 1);
+    std::copy(own.begin(), own.end(), active.begin() + batch.first_particle(i));
+  }
+  return active;
+}
+
 /// A frame of each scene, with the `wanted` fields in it, after `frames_done` of them.
 template <typename Batch>
 std::vector<ParticleFrame> frames_of_scenes(const Batch& batch, FieldSet wanted, int64_t frames_done) {
   const ParticleFrame all = batch.frame();
-  const auto count = static_cast<std::size_t>(batch.first_particle(batch.scene_count()));
-  std::vector<uint8_t> active;  // of all scenes; empty while every one has all its particles
-  for (int i = 0; i < batch.scene_count(); ++i) {
-    const std::vector<uint8_t> own = batch.setup(i).lifecycle.active();
-    if (own.empty()) continue;
-    active.resize(count, 1);
-    std::copy(own.begin(), own.end(), active.begin() + batch.first_particle(i));
-  }
+  const std::vector<uint8_t> active = active_of_scenes(batch);
   ParticleFields fields;
   if (!wanted.empty()) fields = fields_of(batch.particles(), wanted, active);
   std::vector<ParticleFrame> frames(static_cast<std::size_t>(batch.scene_count()));

@@ -1,6 +1,9 @@
 // Batches of scenes: every scene has the bytes, the fields and the error of its single run, on any device.
 #include <gtest/gtest.h>
 
+#include <atomic>
+
+#include "core/parallel/buffer.h"
 #include "core/system/error.h"
 #include "mpm/grouped_batch.h"
 #include "mpm/simulation.h"
@@ -39,6 +42,30 @@ void expect_same_frame(const ParticleFrame& a, const ParticleFrame& b) {
   EXPECT_TRUE(a.fields == b.fields);
 }
 
+/// Rows in the memory of the device are the numbers of the frame.
+void expect_rows(const ParticleFrame& frame, const std::shared_ptr<const float>& rows, ParticleQuantity what,
+                 Device device) {
+  std::vector<float> values(frame.position.size() * static_cast<std::size_t>(components_of(what)));
+  device_copy(Device::cpu, values.data(), device, rows.get(), values.size() * sizeof(float));
+  const auto expect_vectors = [&](const std::vector<Vec3f>& vectors) {
+    for (std::size_t i = 0; i < vectors.size(); ++i)
+      for (std::size_t d = 0; d < 3; ++d) ASSERT_EQ(values[3 * i + d], vectors[i][static_cast<int>(d)]) << i;
+  };
+  if (what == ParticleQuantity::position) return expect_vectors(frame.position);
+  if (what == ParticleQuantity::velocity) return expect_vectors(frame.velocity);
+  for (const ParticleField field : all_particle_fields) {
+    if (quantity_of(field) != what) continue;
+    EXPECT_TRUE(values == frame.fields[field]) << info_of(field).name;
+  }
+}
+
+constexpr std::array all_quantities = {ParticleQuantity::position,
+                                       ParticleQuantity::velocity,
+                                       ParticleQuantity::stress,
+                                       ParticleQuantity::affine,
+                                       ParticleQuantity::deformation_gradient,
+                                       ParticleQuantity::plastic};
+
 /// Runs a scene alone for `frames`; returns why it diverged.
 std::optional<std::string> run_alone(Simulation& run, int frames) {
   try {
@@ -65,7 +92,13 @@ void expect_single_runs(const std::vector<Scene>& scenes, Device device) {
     expect_same_frame(begin[i], alone->frame());
     const auto reason = run_alone(*alone, frames);
     EXPECT_EQ(batch->divergence(static_cast<int>(i)), reason);
-    if (!reason) expect_same_frame(end[i], frame_with_fields(*alone, all_fields()));
+    if (!reason) {
+      expect_same_frame(end[i], frame_with_fields(*alone, all_fields()));
+      for (const ParticleQuantity what : all_quantities) {
+        expect_rows(end[i], batch->rows(what)[i], what, device);
+        expect_rows(end[i], alone->rows(what), what, device);
+      }
+    }
     particles += static_cast<int64_t>(alone->particle_count());
   }
   EXPECT_EQ(batch->particle_count(), particles);
@@ -81,6 +114,26 @@ TEST(SceneBatch, EverySceneIsAsAloneOnTheCpu) {
   EXPECT_NE(batch->divergence(1)->find("diverged at particle"), std::string::npos);
   EXPECT_FALSE(batch->divergence(0));
   EXPECT_EQ(batch->statistics().substeps, 10);
+}
+
+/// A frame that was stopped after some substeps goes on with each scene where it was.
+TEST(SceneBatch, AStoppedFrameGoesOn) {
+  const auto starts = prepared(some_scenes(), Device::cpu);
+  const auto whole = SceneBatch::create(starts);
+  whole->advance_frame();
+  const auto run_with_stops = [&](SceneBatch& batch) {
+    std::atomic<int> asked = 0;
+    int stopped = 0;
+    while (!batch.advance_frame([&] { return ++asked % 7 == 0; })) ++stopped;
+    EXPECT_GT(stopped, 2);
+    EXPECT_EQ(batch.statistics().substeps, 10);
+    const auto frames = batch.frames(all_fields()), expected = whole->frames(all_fields());
+    for (const std::size_t i : {std::size_t{0}, std::size_t{2}, std::size_t{3}})
+      expect_same_frame(frames[i], expected[i]);
+  };
+  run_with_stops(*SceneBatch::create(starts));
+  run_with_stops(
+      *make_grouped(starts, {{3, 1}, {2}, {0}}, [](const auto& group) { return SceneBatch::create(group); }));
 }
 
 TEST(SceneBatch, EverySceneIsAsAloneOnTheGpu) {
