@@ -18,10 +18,11 @@ done
 
 passed=0 failed=0 skipped=0
 check() { # NAME COMMAND...: status 77 says that it could not be tried
-  local name=$1 log status=0
+  local name=$1 log status=0 start=$SECONDS
   shift
   log=$(mktemp)
   "$@" > "$log" 2>&1 || status=$?
+  name="$name ($((SECONDS - start)) s)"
   if [ $status = 0 ]; then
     passed=$((passed + 1))
     echo "ok      $name"
@@ -34,6 +35,14 @@ check() { # NAME COMMAND...: status 77 says that it could not be tried
     grep -v ' warnings generated' "$log" | tail -n 60
   fi
   rm -f "$log"
+}
+
+# Every fuzz target for a minute, two at once (docs/lab/fuzzing.md).
+check_new_inputs() {
+  GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=1 build/fuzz_test --gtest_filter='*NewInputs*' &
+  GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=0 build/fuzz_test --gtest_filter='*NewInputs*'
+  local status=$?
+  wait $! && return $status
 }
 
 check_format() {
@@ -80,6 +89,7 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped lint (clang-tidy): './run test' makes its compile commands"
   fi
+  check "new inputs for the fuzz targets, 60 s each" check_new_inputs
   check "comparison of builds (tests/golden/selftest.py)" /usr/bin/python3 tests/golden/selftest.py
 fi
 
@@ -89,6 +99,7 @@ pattern=${filter:-*}
 for program in build/*_test; do
   report=$(mktemp)
   log=$(mktemp)
+  start=$SECONDS
   GTEST_COLOR=no timeout 900 "$program" --gtest_filter="$pattern" --gtest_output="json:$report" > "$log" 2>&1
   status=$?
   counts=$(python3 - "$report" "$status" <<'EOS'
@@ -109,7 +120,7 @@ EOS
 )
   read -r good bad skip <<< "$counts"
   passed=$((passed + good)) failed=$((failed + bad)) skipped=$((skipped + skip))
-  echo "$(basename "$program"): $good passed, $bad failed, $skip skipped"
+  echo "$(basename "$program"): $good passed, $bad failed, $skip skipped ($((SECONDS - start)) s)"
   [ "$skip" = 0 ] || grep -A1 -h ': Skipped$' "$log" | grep -v -e ': Skipped$' -e '^--$' | sort | uniq -c | sed 's/^/    skipped: /'
   [ "$bad" = 0 ] || grep -v -E '^\[ +(RUN|OK) ' "$log" | tail -n 80
   rm -f "$report" "$log"

@@ -1,5 +1,7 @@
 #include "mpm/particles/particles.h"
 
+#include <algorithm>
+
 namespace graupel::mpm {
 
 template <typename T>
@@ -35,6 +37,15 @@ ParticleView<T> Particles<T>::view() {
 template <typename T>
 int64_t Particles<T>::bytes() const {
   return padded_to_tile(count_) * static_cast<int64_t>(35 * sizeof(T) + 2 * sizeof(int32_t));
+}
+
+template <typename T>
+bool Particles<T>::spare_lanes_are_clear() const {
+  const auto clear = [&](const Buffer<int32_t>& indices) {
+    const std::vector<int32_t> host = indices.download();
+    return std::all_of(host.begin() + count_, host.end(), [](int32_t index) { return index == 0; });
+  };
+  return clear(material_) && clear(source_index_);
 }
 
 template class Particles<float>;

@@ -100,6 +100,9 @@ class Particles {
   ParticleView<T> view();
   /// Number of bytes on the device.
   int64_t bytes() const;
+  /// Whether the indices of the last tile's lanes without a particle are 0, as all kernels leave them: kernels for
+  /// whole tiles look these lanes' materials up too.
+  bool spare_lanes_are_clear() const;
 
   /// Calls visit(buffer) for every array, in a fixed order: for saving, loading and permuting.
   template <typename Visitor>

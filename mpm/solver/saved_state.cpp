@@ -77,6 +77,8 @@ void Solver<T>::load_state(const std::vector<std::byte>& state) {
   loads_.load(reader);
   check_course(course, scene_.frame_time);
   loads_.check_state();
+  if (!particles_.spare_lanes_are_clear())
+    throw InputError("the saved state is damaged (indices behind the last particle). Use an older one, or run again");
   check_state(download_particles(particles_), grid_.lifecycle.presence().download(),
               static_cast<int32_t>(scene_.materials.size()), scene_.domain);
   const double seconds = statistics_.solver_seconds;

@@ -2,40 +2,16 @@
 // with no more memory than its size justifies.
 #include <gtest/gtest.h>
 
-#include <ctime>
 #include <vector>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "tests/fuzz/counted_memory.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/harmless.h"
 
 namespace graupel::fuzz {
 
-std::string mutate_bytes(std::string bytes, std::size_t most) {
-  bytes.resize(std::min(bytes.size(), most));
-  if (!bytes.empty()) bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 0x15);
-  return bytes;
-}
-
 namespace {
-
-constexpr std::size_t most_at_once = std::size_t(64) << 20;  ///< [bytes]; inputs are below 100 kB
-constexpr double most_seconds = 10;                          ///< of processor time; usual are milliseconds
-
-void expect_harmless(const Target& target, const std::string& bytes, const std::string& name) {
-  largest_request = 0;
-  const std::clock_t start = std::clock();
-  try {
-    target.run(bytes);
-  } catch (const Error& error) {
-    EXPECT_STRNE(error.what(), "") << name;
-  } catch (const std::exception& error) {
-    ADD_FAILURE() << name << ": " << error.what();
-  }
-  EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, most_seconds) << name;
-  EXPECT_LT(largest_request.load(), most_at_once) << name;
-}
 
 class FuzzInputs : public ::testing::TestWithParam<const Target*> {};
 class FuzzMutators : public ::testing::TestWithParam<const Target*> {};

@@ -266,5 +266,23 @@ TEST(SavedStateErrors, ForeignOrDamagedStatesAreRefused) {
   EXPECT_THAT(input_error(*sim, damaged), testing::HasSubstr("not a saved state"));
 }
 
+/// Kernels for whole tiles look up the materials of the last tile's spare lanes too.
+TEST(SavedStateErrors, IndicesBehindTheLastParticleAreRefused) {
+  const Scene scene = scene_with("taichi_sand", {0.4, 0.1, 0.4}, 0.04);
+  const auto sim = Simulation::create(scene, {.precision = Precision::f64});
+  const auto n = static_cast<int64_t>(sim->particle_count());
+  ASSERT_NE(n % tile, 0);
+  std::vector<std::byte> state = sim->save_state();
+  const std::size_t content = state.size() - sizeof(uint64_t);
+  const auto indices = static_cast<std::size_t>(padded_to_tile(n)) * sizeof(int32_t);
+  for (const std::size_t behind : {content - sizeof(int32_t), content - indices - sizeof(int32_t)}) {
+    std::vector<std::byte> changed = state;
+    changed[behind] = std::byte{77};
+    const uint64_t checksum = fnv1a(fnv_start, changed.data(), content);
+    std::memcpy(changed.data() + content, &checksum, sizeof(checksum));
+    EXPECT_THAT(input_error(*sim, changed), testing::HasSubstr("indices behind the last particle"));
+  }
+}
+
 }  // namespace
 }  // namespace graupel::mpm
