@@ -154,7 +154,7 @@ SceneFloors SceneComparison::measure_floors() {
   run.seed = reseeded(task_.seed);
   const TimedRun other_seed = run_mpm(task_.scene, run);
   const auto distribution = evaluate_rollout(task_.scene, all_obstacles_, truth_.run, other_seed.run);
-  SceneFloors floors{.scene_hash = mpm::scene_hash(task_.scene, task_.seed),
+  SceneFloors floors{.scene_hash = mpm::rounded_scene_hash(task_.scene, task_.seed),
                      .frames = task_.frames,
                      .values = compare::floor_values(position, distribution),
                      .position = position.curves.position,

@@ -65,7 +65,7 @@ const SceneFloors& FloorFile::of(const Scene& scene, uint64_t seed, int64_t fram
   if (found == scenes_.end())
     throw InputError(fmt::format("'{}' holds no chaos floors of scene '{}'. {}", path_, scene.name, remedy));
   const SceneFloors& floors = found->second;
-  if (floors.scene_hash != mpm::scene_hash(scene, seed))
+  if (floors.scene_hash != mpm::rounded_scene_hash(scene, seed))
     throw InputError(
         fmt::format("the chaos floors of '{}' in '{}' are stale: the scene or its seed ({}) is another "
                     "than the one they were measured on. {}",

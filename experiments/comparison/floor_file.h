@@ -13,7 +13,7 @@ namespace graupel::experiments {
 
 /// The floors of one scene (SceneComparison makes them), and what they were measured on.
 struct SceneFloors {
-  uint64_t scene_hash = 0;  ///< mpm::scene_hash of scene and seed
+  uint64_t scene_hash = 0;  ///< mpm::rounded_scene_hash of scene and seed
   int64_t frames = 0;
   compare::MetricValues values;             ///< floor_<metric>
   std::vector<double> position, density;    ///< error curves [frames]

@@ -1,5 +1,7 @@
 #include "mpm/scene/scene_hash.h"
 
+#include <bit>
+#include <cmath>
 #include <type_traits>
 
 #include "core/system/atomic_file.h"
@@ -19,10 +21,19 @@ struct IsOptional : std::false_type {};
 template <typename T>
 struct IsOptional<std::optional<T>> : std::true_type {};
 
+/// The nearest number with 30 bits after the first: adding half of what is cut carries into the exponent where it must.
+/// What may be left of a difference is 0.
+double rounded_number(double x) {
+  if (std::abs(x) < 1e-12) return 0;
+  constexpr int cut = 52 - 30;
+  const uint64_t bits = std::bit_cast<uint64_t>(x) + (uint64_t(1) << (cut - 1));
+  return std::bit_cast<double>(bits >> cut << cut);
+}
+
 /// Walks the declared fields of a config struct (core/scene/fields.h).
 class FieldHash {
  public:
-  explicit FieldHash(uint64_t start) : hash_(start) {}
+  FieldHash(uint64_t start, bool rounded) : hash_(start), rounded_(rounded) {}
   uint64_t value() const { return hash_; }
 
   template <typename V>
@@ -41,6 +52,9 @@ class FieldHash {
     } else if constexpr (IsOptional<V>::value) {
       add(value.has_value());
       if (value) add(*value);
+    } else if constexpr (std::is_same_v<V, double>) {
+      const double used = rounded_ ? rounded_number(value) : value;
+      add_bytes(&used, sizeof(used));
     } else if constexpr (std::is_arithmetic_v<V> || std::is_enum_v<V>) {
       add_bytes(&value, sizeof(value));
     } else if constexpr (std::is_same_v<V, Vec3d>) {
@@ -51,7 +65,7 @@ class FieldHash {
       if constexpr (std::is_same_v<V, Source>)
         if (value.state) add_state(*value.state);
     } else if constexpr (std::is_same_v<V, Mat3d>) {
-      add_bytes(value.a, sizeof(value.a));
+      for (int i = 0; i < 9; ++i) add(value(i / 3, i % 3));
     } else {
       add_struct(value);
     }
@@ -98,15 +112,20 @@ class FieldHash {
   }
 
   uint64_t hash_;
+  bool rounded_;
 };
 
-}  // namespace
-
-uint64_t scene_hash(const Scene& scene, uint64_t seed) {
-  FieldHash hash(fnv_start);
+uint64_t hash_of(const Scene& scene, uint64_t seed, bool rounded) {
+  FieldHash hash(fnv_start, rounded);
   hash.add_struct(scene);
   hash.add(seed);
   return hash.value();
 }
+
+}  // namespace
+
+uint64_t scene_hash(const Scene& scene, uint64_t seed) { return hash_of(scene, seed, false); }
+
+uint64_t rounded_scene_hash(const Scene& scene, uint64_t seed) { return hash_of(scene, seed, true); }
 
 }  // namespace graupel::mpm
