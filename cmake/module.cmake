@@ -18,7 +18,7 @@ function(graupel_compile_settings target)
     target_compile_options(${target} PRIVATE
       "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:${nvcc_options} -Xcompiler ${host_options},-fopenmp -diag-suppress 20012,20013,20014,20015>")
     target_compile_definitions(${target} PUBLIC $<BUILD_INTERFACE:GRAUPEL_HAVE_CUDA=1>)
-    graupel_link(${target} CUDA::cudart)
+    graupel_link(${target} ${GRAUPEL_CUDA_RUNTIME})
   endif()
 endfunction()
 

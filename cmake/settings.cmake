@@ -46,6 +46,12 @@ if(GRAUPEL_CUDA)
   if(CMAKE_CUDA_COMPILER)
     enable_language(CUDA)
     find_package(CUDAToolkit REQUIRED)
+    # -DCMAKE_CUDA_RUNTIME_LIBRARY=Static: for machines that have NVIDIA's driver alone.
+    if(CMAKE_CUDA_RUNTIME_LIBRARY STREQUAL "Static")
+      set(GRAUPEL_CUDA_RUNTIME CUDA::cudart_static)
+    else()
+      set(GRAUPEL_CUDA_RUNTIME CUDA::cudart)
+    endif()
     set(GRAUPEL_HAVE_CUDA ON)
     # CMake 3.25 does not know that CUDA 13's nvcc takes C++20.
     set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION "-std=c++20")

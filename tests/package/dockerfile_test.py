@@ -2,9 +2,9 @@
 """The steps of a Dockerfile, where there is no Docker: each stage is a Debian 12 in a folder, in which RUN, COPY, ENV
 and the others are carried out. Then the image's program runs there as the image's user.
 
-    sudo python3 tests/package/dockerfile_test.py [FILE] [--keep FOLDER]
+    sudo python3 tests/package/dockerfile_test.py [FILE] [--keep FOLDER] [--build-arg NAME=VALUE]
 
-Needs root, debootstrap and its mirror, and the time of a whole build. FOLDER keeps the systems; stages that are whole
+Needs root, debootstrap and its mirror (for CUDA PyPI too), and the time of a whole build. FOLDER keeps the systems; stages that are whole
 there are not made again. Not part of tests/run_all.sh.
 """
 import argparse
@@ -51,6 +51,9 @@ class Stage:
         if not self.kept:
             shutil.rmtree(folder, ignore_errors=True)
             run("cp", "-a", base, folder)
+        if "SSL_CERT_FILE" in os.environ:  # a network whose certificates are not the distribution's
+            shutil.copy(os.environ["SSL_CERT_FILE"], os.path.join(folder, ".certificates.crt"))
+            self.variables["PIP_CERT"] = "/.certificates.crt"
 
     def inside(self, path):
         return os.path.join(self.folder, os.path.join(self.work, path).lstrip("/"))
@@ -81,11 +84,13 @@ class Stage:
 
 
 class Build:
-    def __init__(self, file, folder):
-        self.file, self.folder, self.stages, self.stage = file, folder, {}, None
+    def __init__(self, file, folder, arguments):
+        self.file, self.folder, self.arguments, self.stages, self.stage = file, folder, arguments, {}, None
         self.base = os.path.join(folder, "debian")
         if not os.path.exists(os.path.join(self.base, "usr/bin/apt-get")):
             run("debootstrap", "--variant=minbase", "bookworm", self.base)
+        with open(os.path.join(self.base, "etc/dpkg/dpkg.cfg.d/unsafe-io"), "w", encoding="utf-8") as settings:
+            settings.write("force-unsafe-io\n")  # as in Docker's image of Debian
 
     def carry_out(self):
         for word, rest in steps_of(self.file):
@@ -146,6 +151,10 @@ class Build:
                 value = value.replace("${" + known + "}", text).replace("$" + known, text)
             self.stage.variables[name] = value
 
+    def step_arg(self, rest):
+        name, _, value = shlex.split(rest)[0].partition("=")
+        self.stage.variables[name] = self.arguments.get(name, value)
+
     def step_workdir(self, rest):
         self.stage.work = os.path.join(self.stage.work, rest)
         os.makedirs(self.stage.inside("."), exist_ok=True)
@@ -160,12 +169,16 @@ class Build:
         self.stage.words = json.loads(rest)
 
 
-def try_image(image):
+def try_image(image, has_cuda):
     assert "graupel simulate" in image.image(), "the image's own command shows the help"
     assert image.run(["id", "-un"]).strip() != "root", "the image runs as root"
     image.run(["/bin/sh", "-c", "rm -rf ./*"])  # of an earlier call
     print(image.image("doctor"))
     scenes = "/usr/share/graupel/scenes"
+    refused = image.run(["/bin/sh", "-c", f"graupel simulate {scenes}/shared/water_steps.json -o gpu.h5 --device cuda "
+                         "2>&1; test $? = 2"])
+    reason = "no NVIDIA GPU or driver was found" if has_cuda else "built without CUDA"
+    assert reason in refused, f"there is no GPU here, but the program says: {refused}"
     image.image("simulate", f"{scenes}/shared/water_steps.json", "-o", "steps.h5", "--frames", "10")
     assert "frames: 11" in image.image("inspect", "steps.h5"), "the start and 10 frames"
     image.image("rollout", "/usr/share/graupel/models/hgn.safetensors", f"{scenes}/shared/water_steps.json", "-o",
@@ -184,11 +197,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("file", nargs="?", default=os.path.join(ROOT, "cmake/docker/cpu.Dockerfile"))
     parser.add_argument("--keep", metavar="FOLDER")
+    parser.add_argument("--build-arg", action="append", default=[], metavar="NAME=VALUE", help="as docker's (repeatable)")
     options = parser.parse_args()
     folder = options.keep or tempfile.mkdtemp(prefix="graupel-docker-")
     os.makedirs(folder, exist_ok=True)
     try:
-        try_image(Build(options.file, folder).carry_out())
+        arguments = dict(setting.split("=", 1) for setting in options.build_arg)
+        try_image(Build(options.file, folder, arguments).carry_out(), "cuda" in os.path.basename(options.file))
     finally:
         if not options.keep:
             shutil.rmtree(folder)

@@ -132,6 +132,7 @@ class RunTest(unittest.TestCase):
             graupel.Simulation(block()).run(-1)
         if graupel.cuda_available():
             self.skipTest("there is a GPU")
+        self.assertIsInstance(graupel.Simulation(block(), device="auto").positions, np.ndarray)
         with self.assertRaisesRegex(graupel.ConfigError, "(?i)cuda|gpu"):
             graupel.Simulation(block(), device="cuda")
 
