@@ -68,7 +68,8 @@ class StateReader {
   }
   template <typename T>
   void get(std::vector<T>& values) {
-    std::memcpy(static_cast<void*>(values.data()), take(values.size() * sizeof(T)), values.size() * sizeof(T));
+    const std::byte* from = take(values.size() * sizeof(T));
+    if (!values.empty()) std::memcpy(static_cast<void*>(values.data()), from, values.size() * sizeof(T));
   }
 
  private:
