@@ -266,6 +266,7 @@ ReducedModel ReducedModel::load(const nn::Weights& weights) {
     model.fields = std::make_shared<const FactoredFields>(read_factored(weights, model, latents, n));
   model.samples = get_indices(weights, "samples");
   model.encoder = get_indices(weights, "encoder");
+  if (model.samples.empty()) throw InputError("'" + weights.file + "' has no samples. Train the model again");
   check_indices(weights, model.samples, n, "samples");
   check_indices(weights, model.encoder, n, "encoder's particles");
   if (weights.tensors.count("encoder.latent.weight") > 0)

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <sstream>
+#include <string_view>
 
 #include "io/mesh/mesh_formats.h"
 
@@ -35,6 +36,22 @@ void check_vertex_lines(const std::string& bytes, const std::string& name) {
   }
 }
 
+/// The lines of vertices, texture coordinates, normals and faces; all others are empty, so that lines keep their
+/// numbers. Among the others are skin weights, whose joints tinyobjloader turns into integers unseen.
+std::string geometry_lines(const std::string& bytes) {
+  std::string kept;
+  for (std::size_t at = 0; at < bytes.size();) {
+    const std::size_t end = std::min(bytes.find_first_of("\r\n", at), bytes.size());
+    const std::size_t word = std::min(bytes.find_first_not_of(" \t", at), end);
+    const std::size_t word_end = std::min(bytes.find_first_of(" \t", word), end);
+    const std::string_view keyword(bytes.data() + word, word_end - word);
+    if (keyword == "v" || keyword == "vt" || keyword == "vn" || keyword == "f") kept.append(bytes, at, end - at);
+    if (end < bytes.size()) kept += bytes[end];
+    at = end + 1;
+  }
+  return kept;
+}
+
 }  // namespace
 
 TriangleMesh parse_obj(const std::string& bytes, const std::string& name) {
@@ -43,7 +60,7 @@ TriangleMesh parse_obj(const std::string& bytes, const std::string& name) {
   std::vector<tinyobj::shape_t> shapes;
   std::vector<tinyobj::material_t> materials;
   std::string warnings, errors;
-  std::istringstream stream(bytes);
+  std::istringstream stream(geometry_lines(bytes));
   const bool good = tinyobj::LoadObj(&attributes, &shapes, &materials, &warnings, &errors, &stream);
   if (!good || !errors.empty()) mesh_fail(name, "not a valid OBJ file (" + errors.substr(0, 200) + ")");
   if (warnings.find("Vertex indices out of bounds") != std::string::npos ||

@@ -148,7 +148,7 @@ GridGeometry<T, 3> grid_of(const Domain& domain) {
   grid.origin = domain.origin.cast<T>();
   grid.dx = static_cast<T>(domain.dx);
   grid.inverse_dx = static_cast<T>(1 / domain.dx);
-  for (int d = 0; d < 3; ++d)
+  for (int d = 0; d < domain.axes(); ++d)
     grid.blocks[d] = static_cast<int>((cell_count(domain.size[d], domain.dx) + 1) / block_width) + 2;
   if (!domain.is_plane()) return grid;
   grid.origin[2] = static_cast<T>(domain.plane() - plane_node * domain.dx);

@@ -23,7 +23,7 @@ constexpr int64_t block = 4;  ///< tiles whose activations are in memory at a ti
 inline float exp_of_negative(float x) {
   constexpr float log2_e = 1.44269504f, ln2_high = 0.693359375f, ln2_low = -2.12194440e-4f;
   x = std::max(x, -87.0f);
-  const float n = std::floor(x * log2_e + 0.5f);
+  const float n = std::floor(std::max(-126.0f, x * log2_e + 0.5f));  // of no number too; r and the result stay one then
   const float r = x - n * ln2_high - n * ln2_low;
   float p = 1.9875691500e-4f;
   p = p * r + 1.3981999507e-3f;

@@ -44,7 +44,10 @@ std::vector<int32_t> IntegrationPoints<T>::find(const LatentState& state) {
   positions_->decode(state, position_.data());
   const mpm::TiledView<T, 3> position{position_.data()};
   const auto cell_of = [&](std::size_t i) {
-    Vec<int, 3> cell = mpm::base_node(grid_.local(position.vec(static_cast<int64_t>(i))));
+    Vec<T, 3> local = grid_.local(position.vec(static_cast<int64_t>(i)));
+    // A step that is refused later may have led a sample anywhere, to no number too.
+    for (int d = 0; d < 3; ++d) local[d] = local[d] > 0 ? std::min(local[d], static_cast<T>(cells_[d])) : T(0);
+    Vec<int, 3> cell = mpm::base_node(local);
     for (int d = 0; d < 3; ++d) cell[d] = std::clamp(cell[d], 0, cells_[d] - 1);
     return cell;
   };
