@@ -4,8 +4,8 @@ and the others are carried out. Then the image's program runs there as the image
 
     sudo python3 tests/package/dockerfile_test.py [FILE] [--keep FOLDER] [--build-arg NAME=VALUE]
 
-Needs root, debootstrap and its mirror (for CUDA PyPI too), and the time of a whole build. FOLDER keeps the systems; stages that are whole
-there are not made again. Not part of tests/run_all.sh.
+Needs root, debootstrap and its mirror (for CUDA PyPI too), and the time of a whole build. FOLDER keeps the systems;
+stages that are whole there are not made again. Not part of tests/run_all.sh.
 """
 import argparse
 import contextlib
@@ -197,7 +197,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("file", nargs="?", default=os.path.join(ROOT, "cmake/docker/cpu.Dockerfile"))
     parser.add_argument("--keep", metavar="FOLDER")
-    parser.add_argument("--build-arg", action="append", default=[], metavar="NAME=VALUE", help="as docker's (repeatable)")
+    parser.add_argument("--build-arg", action="append", default=[], metavar="NAME=VALUE", help="as docker's")
     options = parser.parse_args()
     folder = options.keep or tempfile.mkdtemp(prefix="graupel-docker-")
     os.makedirs(folder, exist_ok=True)
