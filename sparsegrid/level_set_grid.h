@@ -1,4 +1,4 @@
-// What obstacle_vdb.cpp offers to the rest of this folder without showing OpenVDB: level sets as NanoVDB bytes.
+// What vdb/ offers to the rest of this folder without showing OpenVDB: level sets as NanoVDB bytes.
 #pragma once
 
 #include <nanovdb/NanoVDB.h>

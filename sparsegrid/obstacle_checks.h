@@ -7,6 +7,8 @@
 
 namespace graupel::sparsegrid {
 
+inline constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
+
 /// Throws InputError where the mesh is missing, has no triangles, or does not bound a volume once.
 void check_mesh(const Obstacle& obstacle, const std::string& name);
 

@@ -100,7 +100,12 @@ bool lies_in_a_voxel(const LocalBox& solid, double voxel) {
   return std::max({extent[0], extent[1], extent[2]}) < 2.5 * voxel;
 }
 
-constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
+/// Why matter would not feel the body, or null: foils and needles too, whose faces lie between the voxels' centres.
+const char* fault_of(const LevelSetGrid& grid, double voxel) {
+  if (grid.solid.low[0] > grid.solid.high[0]) return " has no inside";
+  if (lies_in_a_voxel(grid.solid, voxel)) return " is smaller than two voxels";
+  return grid.facts.min_value > -0.05 * voxel ? " is thinner than a tenth of a voxel" : nullptr;
+}
 
 /// The floats next to `x` that are not above it, not below it.
 float round_down(double x) {
@@ -260,10 +265,9 @@ LevelSetGrid ObstacleSet::Impl::solid_grid(std::size_t i) const {
   if (obstacle.shape == Shape::points)
     throw ConfigError(names[i] + ": points have no surface. Use a mesh or a .vdb level set as an obstacle");
   LevelSetGrid grid = build_level_set(scene, obstacle, names[i]);
-  const bool is_hollow = grid.solid.low[0] > grid.solid.high[0];
-  if (is_hollow || lies_in_a_voxel(grid.solid, scene.voxel()))
-    throw ConfigError(names[i] + (is_hollow ? " has no inside" : " is smaller than two voxels") +
-                      " on its grid (voxel " + std::to_string(scene.voxel()) +
+  const char* fault = fault_of(grid, scene.voxel());
+  if (fault != nullptr)
+    throw ConfigError(names[i] + fault + " on its grid (voxel " + std::to_string(scene.voxel()) +
                       " m). Make it thicker than two voxels (is its scale right?) or lower obstacle_voxel");
   return grid;
 }

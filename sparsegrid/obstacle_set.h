@@ -1,5 +1,5 @@
-// The obstacles of a scene as signed-distance grids: built by OpenVDB (obstacle_vdb.cpp, the only file here that
-// includes it), kept as NanoVDB for look-up on any device.
+// The obstacles of a scene as signed-distance grids: built by OpenVDB (vdb/), kept as NanoVDB for look-up on
+// any device.
 #pragma once
 
 #include <cstdint>

@@ -212,8 +212,10 @@ std::string scene_format_markdown() {
          "Sources may have every shape but `plane` and `vdb`, emitters none of these and no `points`, obstacles every "
          "shape but\n`points`. The domain needs at "
          "least\n"
-         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. A material starts from its\n"
-         "`preset`, then its other keys apply.\n\n"
+         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. Obstacles may reach out of "
+         "it; "
+         "one\nthat its motion never leads in is an error, and so is one smaller than two voxels of its grid, or "
+         "thinner than a\ntenth of one. A material starts from its `preset`, then its other keys apply.\n\n"
          "This file is made from the declarations in `core/scene/scene.h` and the headers that it names.\n" +
          description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown() +
          random_markdown() + category_markdown();

@@ -83,7 +83,68 @@ void check_first_loads(const Scene& scene, const SampledParticles& particles) {
   }
 }
 
+bool meets(const Domain& domain, const Vec3d& low, const Vec3d& high) {
+  bool meets = true;
+  for (int d = 0; d < domain.axes(); ++d)
+    meets = meets && low[d] <= domain.origin[d] + domain.size[d] && high[d] >= domain.origin[d];
+  return meets;
+}
+
+/// Whether the line from `from` to `to` meets the domain, enlarged by `reach` [m] on each side.
+bool line_meets(const Domain& domain, double reach, const Vec3d& from, const Vec3d& to) {
+  double enters = 0, leaves = 1;  // parts of the line
+  for (int d = 0; d < domain.axes(); ++d) {
+    const double low = domain.origin[d] - reach, high = domain.origin[d] + domain.size[d] + reach;
+    const double way = to[d] - from[d];
+    if (way == 0 && !(from[d] >= low && from[d] <= high)) return false;
+    if (way == 0) continue;
+    const double a = (low - from[d]) / way, b = (high - from[d]) / way;
+    enters = std::max(enters, std::min(a, b));
+    leaves = std::min(leaves, std::max(a, b));
+  }
+  return enters <= leaves;
+}
+
+/// Whether the script ever leads the obstacle into the domain, also after the run: that may be a short trial. Looks at
+/// a ball about the centre of its turns that holds the obstacle; between the script's times it moves along lines.
+bool comes_into(const Domain& domain, const Obstacle& obstacle, double radius) {
+  constexpr double late = 1e6;  // [s]
+  const Motion& motion = *obstacle.motion;
+  std::vector<double> times = {0, motion.start_time, motion.end_time.value_or(late)};
+  if (motion.kind == MotionKind::keyframes) {
+    times = {0};
+    for (const MotionKey& key : motion.keyframes) times.push_back(key.time);
+  }
+  const auto center_at = [&](double time) {
+    Vec3d translation;
+    double angle;
+    motion.displacement(time, translation, angle);
+    return motion.center.value_or(obstacle.position) + translation;
+  };
+  for (std::size_t i = 0; i + 1 < times.size(); ++i)
+    if (line_meets(domain, radius, center_at(times[i]), center_at(times[i + 1]))) return true;
+  return false;
+}
+
 }  // namespace
+
+void check_obstacles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles) {
+  const std::vector<sparsegrid::ObstacleView> views = obstacles.views_at(0);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Obstacle& obstacle = scene.obstacles[i];
+    if (obstacle.shape == Shape::plane || meets(scene.domain, views[i].exact.solid_low, views[i].exact.solid_high))
+      continue;
+    if (obstacle.motion && comes_into(scene.domain, obstacle,
+                                      obstacles.largest_distance(static_cast<int>(i),
+                                                                 obstacle.motion->center.value_or(obstacle.position))))
+      continue;
+    throw ConfigError(fmt::format(
+        "obstacle {0} (/obstacles/{0}, {1}) lies outside the domain{2} (position {3}, domain: {4} to {5}). Move it, or "
+        "leave it out",
+        i, word_of(obstacle.shape), obstacle.motion ? ", and its motion does not lead it there" : "",
+        text_of(obstacle.position), text_of(scene.domain.origin), text_of(scene.domain.origin + scene.domain.size)));
+  }
+}
 
 void check_plane(const Scene& scene) {
   if (scene.domain.dimensions != 2 && scene.domain.dimensions != 3)
@@ -96,6 +157,7 @@ void check_plane(const Scene& scene) {
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles) {
   if (particles.position.empty())
     throw ConfigError("the scene has no particles. Add a source, or make one larger than a grid cell");
+  check_obstacles(scene, obstacles);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   const double tolerance = 1e-6 * scene.domain.dx;
   for (std::size_t i = 0; i < particles.position.size(); ++i) {

@@ -10,8 +10,11 @@ namespace graupel::mpm {
 /// scene with two.
 void check_plane(const Scene& scene);
 
-/// Throws ConfigError when there is no particle, when one lies outside the walls (naming the source and the allowed
-/// box) or inside an obstacle (naming both), and when a script leads one out of the walls.
+/// Throws ConfigError for an obstacle, other than a plane, that is outside the domain at the start and never comes in.
+void check_obstacles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles);
+
+/// Throws ConfigError as check_obstacles() does, when there is no particle, when one lies outside the walls (naming the
+/// source and the allowed box) or inside an obstacle (naming both), and when a script leads one out of the walls.
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles);
 
 }  // namespace graupel::mpm

@@ -55,6 +55,13 @@ sparsegrid::ObstacleSet level_set_of(const Source& source, double voxel) {
   return sparsegrid::ObstacleSet(scene);
 }
 
+/// An error of level_set_of(), which speaks of an obstacle, as one of the source.
+std::string of_source(std::string text, std::size_t index) {
+  const std::string name = "obstacle_0_";
+  const std::size_t at = text.find(name);
+  return at == std::string::npos ? text : text.replace(at, name.size(), fmt::format("source_{}_", index));
+}
+
 }  // namespace
 
 double body_volume(const Body& body) {
@@ -69,7 +76,13 @@ SourceBody::SourceBody(const Source& source, std::size_t index, double voxel) : 
     volume_ = analytic_volume(source);
     return;
   }
-  level_set_ = level_set_of(source, voxel);
+  try {
+    level_set_ = level_set_of(source, voxel);
+  } catch (const InputError& error) {
+    throw InputError(of_source(error.what(), index));
+  } catch (const ConfigError& error) {
+    throw ConfigError(of_source(error.what(), index));
+  }
   const sparsegrid::GridFacts facts = level_set_.facts(0);
   bounds_ = {facts.world_low, facts.world_high};
   volume_ = source.shape == Shape::mesh ? mesh_volume(*source.mesh) : level_set_volume();

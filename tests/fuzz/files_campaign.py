@@ -4,23 +4,24 @@
     tests/fuzz/files_campaign.py [--build BUILD] [--count N] [--seed S] [--keep FOLDER] [--json FILE]
 
 Good files are made by the program first: a run with forces and fields, one with an emitter, a data set, obstacles.
-Each mutant goes through one verb. A run is bad that ends by a signal, takes longer than --seconds or more memory than
---megabytes, or ends with exit code 1 (a text of the standard library). FOLDER takes the mutants of bad runs. Exit code
+Each mutant goes through one verb. A run is bad that ends by a signal, takes more than --seconds of the processor (or 20
+times as long without an end) or more memory than --megabytes, or ends with exit code 1 (a text of the standard library). FOLDER takes the mutants of bad runs. Exit code
 1 where there was one.
 """
 import argparse
 import collections
 import json
+import math
 import os
 import random
 import resource
 import shutil
+import signal
 import struct
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 EXTREME = [0, 1, 2, 7, 8, 15, 16, 127, 128, 255, 256, 4095, 65535, 1 << 31, (1 << 32) - 1, 1 << 32, 1 << 40, 1 << 62,
@@ -34,27 +35,27 @@ EMITTER = """, "emitters": [{ "shape": "box", "size": [0.1, 0.1, 0.1], "position
   "velocity": [0, -1, 0], "end_time": 0.1, "rate": 300 }]"""
 
 
-def limit():
+def limit(seconds):
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 1))
     resource.setrlimit(resource.RLIMIT_AS, (24 << 30, 24 << 30))
 
 
 def run(program, words, cwd, seconds):
-    """Exit code (negative: signal; "time": beyond the limit), output, seconds, largest memory in MB of it and of its
-    children that have ended."""
-    begin = time.monotonic()
+    """Exit code (negative: signal; "time": beyond the limit), output, seconds of the processor and largest memory in MB
+    of it and of its children that have ended."""
     process = subprocess.Popen([program, *words], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                               preexec_fn=limit)
-    late = threading.Timer(seconds, process.kill)
+                               preexec_fn=lambda: limit(seconds))
+    late = threading.Timer(20 * seconds, process.kill)
     late.start()
     output = process.stdout.read().decode(errors="replace")
     _, status, usage = os.wait4(process.pid, 0)
     late.cancel()
     process.stdout.close()
-    took = time.monotonic() - begin
+    took = usage.ru_utime + usage.ru_stime
     code = os.waitstatus_to_exitcode(status)
     process.returncode = code
-    return "time" if code == -9 and took >= seconds else code, output, took, usage.ru_maxrss / 1024
+    return "time" if code in (-signal.SIGKILL, -signal.SIGXCPU) else code, output, took, usage.ru_maxrss / 1024
 
 
 def hdf5_parts(content):
@@ -176,7 +177,7 @@ class Campaign:
 
     def outcome(self, code, output, memory):
         if code == "time" or (isinstance(code, int) and code < 0):
-            return f"BAD: {'time' if code == 'time' else f'signal {-code}'}"
+            return f"BAD: {code if code == 'time' else f'signal {-code}'}"
         if code == 1:
             return "BAD: exit code 1"
         if memory > self.options.megabytes:

@@ -71,6 +71,25 @@ TEST(ObstacleChecks, BodiesFarSmallerThanAVoxelAreRefused) {
   }
 }
 
+TEST(ObstacleChecks, FoilsAndNeedlesAreRefused) {
+  Scene needle = scene_with({make_obstacle(Shape::cone, {0.5, 0.5, 0.5})});
+  needle.obstacles[0].radius = 1e-7;
+  needle.obstacles[0].height = 0.3;
+  Scene foil = scene_with({make_obstacle(Shape::box, {0.5, 0.5, 0.5})});
+  foil.obstacles[0].size = {0.3, 1e-7, 0.3};
+  for (const Scene& scene : {needle, foil}) {
+    try {
+      const ObstacleSet set(scene);
+      ADD_FAILURE() << "it was taken";
+    } catch (const ConfigError& e) {
+      EXPECT_NE(std::string(e.what()).find("is thinner than a tenth of a voxel on its grid"), std::string::npos)
+          << e.what();
+    }
+  }
+  foil.obstacles[0].size[1] = 0.3 * foil.voxel();  // a plate
+  EXPECT_NO_THROW(ObstacleSet{foil});
+}
+
 TEST(ObstacleChecks, TheEstimateOfGridsIsThatOfWhatIsBuilt) {
   Scene scene = scene_with({});
   for (int i = 0; i < 12; ++i) {

@@ -223,6 +223,19 @@ TEST(ObstacleFile, LevelSetThatIsNoDistanceIsRebuilt) {
   std::filesystem::remove(file);
 }
 
+TEST(ObstacleFile, AScaleThatLeavesNoVoxelsIsNamed) {
+  const std::string file = file_in_temp("metres.vdb");
+  ObstacleSet(scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})})).write_vdb(file);
+  try {
+    const ObstacleSet set(scene_with({vdb_obstacle(file, {0.5, 0.5, 0.5}, 1e-3)}));
+    ADD_FAILURE() << "it was taken";
+  } catch (const ConfigError& e) {
+    for (const char* part : {"obstacle_0_vdb", "metres.vdb", "too small at this scale (7.8125", "larger scale"})
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << e.what();
+  }
+  std::filesystem::remove(file);
+}
+
 TEST(ObstacleFile, WritingSaysWhatFailed) {
   const ObstacleSet set(scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})}, 0.05));
   EXPECT_THROW(set.write_vdb(file_in_temp("no/such/folder/out.vdb")), IoError);

@@ -1,0 +1,237 @@
+// Level sets of obstacles by OpenVDB: sampled from formulas, from closed meshes and from .vdb files (vdb_file.cpp);
+// converted to NanoVDB and written.
+#include <nanovdb/util/NanoToOpenVDB.h>
+#include <nanovdb/util/OpenToNanoVDB.h>
+#include <openvdb/io/Archive.h>
+#include <openvdb/tools/MeshToVolume.h>
+#include <openvdb/tools/Prune.h>
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel/device.h"
+#include "core/parallel/parallel_for.h"
+#include "core/system/archive_file.h"
+#include "core/system/error.h"
+#include "sparsegrid/level_set_grid.h"
+#include "sparsegrid/obstacle_checks.h"
+#include "sparsegrid/vdb/vdb_grids.h"
+
+namespace graupel::sparsegrid {
+
+namespace {
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+constexpr int block = Leaf::DIM;
+constexpr int64_t max_blocks = int64_t(1) << 24;  ///< 2 KiB each: 32 GiB when all are in the band
+
+FloatGrid::Ptr empty_level_set(double voxel, double band) {
+  auto grid = FloatGrid::create(static_cast<float>(band));
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel));
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  return grid;
+}
+
+/// Origins of the 8^3 blocks that meet the box, in index space.
+template <typename Visitor>
+void for_each_block(const LocalBox& box, double voxel, Visitor&& visit) {
+  Vec3i first, last;
+  int64_t count = 1;
+  for (int d = 0; d < 3; ++d) {
+    const double low = std::floor(box.low[d] / voxel / block), high = std::floor(box.high[d] / voxel / block);
+    count = high - low < 1e6 ? count * (static_cast<int64_t>(high - low) + 1) : max_blocks + 1;
+    if (count > max_blocks)
+      throw ConfigError("an obstacle needs too many blocks of its grid (voxel " + std::to_string(voxel) +
+                        " m, at most 2^24 blocks of 8^3 voxels). Choose a larger obstacle_voxel or a smaller obstacle");
+    first[d] = static_cast<int>(low), last[d] = static_cast<int>(high);
+  }
+  for (int k = first[2]; k <= last[2]; ++k)
+    for (int j = first[1]; j <= last[1]; ++j)
+      for (int i = first[0]; i <= last[0]; ++i) visit(Coord(i * block, j * block, k * block));
+}
+
+/// Values of the leaves from `distance`, active where |distance| < band.
+void fill_leaves(const std::vector<Leaf*>& leaves, const DistanceFunction& distance, double voxel, double band) {
+  const auto fill_leaf = [&](int64_t number) {
+    Leaf& leaf = *leaves[static_cast<std::size_t>(number)];
+    for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
+      const Coord c = leaf.offsetToGlobalCoord(n);
+      const double phi = distance(Vec3d{c.x() * voxel, c.y() * voxel, c.z() * voxel});
+      if (std::abs(phi) < band)
+        leaf.setValueOn(n, static_cast<float>(phi));
+      else
+        leaf.setValueOff(n, static_cast<float>(std::copysign(band, phi)));
+    }
+  };
+  parallel_for_cpu(static_cast<int64_t>(leaves.size()), fill_leaf, Grain{16});
+}
+
+/// Level set of an exact distance: a block whose centre is farther from the surface than the band and half its own
+/// diagonal holds one value.
+FloatGrid::Ptr sampled_level_set(const DistanceFunction& distance, LocalBox box, double voxel, double band) {
+  auto grid = empty_level_set(voxel, band);
+  const double reach = band + voxel * block * 0.5 * std::sqrt(3.0);
+  box.low -= Vec3d::filled(band + voxel);
+  box.high += Vec3d::filled(band + voxel);
+  std::vector<Leaf*> leaves;
+  for_each_block(box, voxel, [&](const Coord& origin) {
+    const double half = (block - 1) / 2.0;
+    const double centre = distance(Vec3d{origin.x() + half, origin.y() + half, origin.z() + half} * voxel);
+    if (centre < -reach)
+      grid->tree().addTile(1, origin, static_cast<float>(-band), false);
+    else if (centre < reach)
+      leaves.push_back(grid->tree().touchLeaf(origin));
+  });
+  fill_leaves(leaves, distance, voxel, band);
+  return grid;
+}
+
+/// Values beyond the band and inactive ones become exactly +-band, inactive.
+void clamp_to_band(FloatGrid& grid, double band) {
+  const float limit = static_cast<float>(band);
+  auto& tree = grid.tree();
+  for (auto leaf = tree.beginLeaf(); leaf; ++leaf)
+    for (auto value = leaf->beginValueAll(); value; ++value)
+      if (!value.isValueOn() || std::abs(*value) >= limit) {
+        value.setValue(std::copysign(limit, *value));
+        value.setValueOff();
+      }
+  auto tile = tree.beginValueAll();
+  tile.setMaxDepth(FloatGrid::TreeType::ValueAllIter::LEAF_DEPTH - 1);
+  for (; tile; ++tile) {
+    tile.setValue(std::copysign(limit, *tile));
+    tile.setActiveState(false);
+  }
+  tree.root().setBackground(limit, /*updateChildNodes=*/false);
+}
+
+FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
+  check_mesh(obstacle, name);
+  const float width = static_cast<float>(band / voxel) + spare_voxels;
+  check_level_set_size(name, "the mesh '" + obstacle.file + "'", size_of(*obstacle.mesh), voxel,
+                       static_cast<double>(width));
+  std::vector<openvdb::Vec3d> points;
+  for (const Vec3d& v : obstacle.mesh->vertices) points.emplace_back(v[0] / voxel, v[1] / voxel, v[2] / voxel);
+  std::vector<openvdb::Vec3I> triangles;
+  for (const auto& t : obstacle.mesh->triangles) triangles.emplace_back(t[0], t[1], t[2]);
+  const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3d, openvdb::Vec3I> adapter(points, triangles);
+  const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
+  return openvdb::tools::meshToVolume<FloatGrid>(adapter, *transform, width, width);
+}
+
+/// Box of the voxels with a negative value, in voxels.
+openvdb::CoordBBox negative_box(const FloatGrid& grid) {
+  openvdb::CoordBBox box;
+  for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
+    for (auto value = leaf->cbeginValueAll(); value; ++value)
+      if (*value < 0) box.expand(value.getCoord());
+  auto tile = grid.tree().cbeginValueAll();
+  tile.setMaxDepth(FloatGrid::TreeType::ValueAllCIter::LEAF_DEPTH - 1);
+  for (; tile; ++tile)
+    if (*tile < 0) box.expand(tile.getBoundingBox());
+  return box;
+}
+
+LocalBox padded(const openvdb::CoordBBox& box, double voxel) {
+  if (box.empty()) return {Vec3d::filled(1e30), Vec3d::filled(-1e30)};
+  return {to_vec(box.min().offsetBy(-1)).cast<double>() * voxel, to_vec(box.max().offsetBy(1)).cast<double>() * voxel};
+}
+
+template <typename GridType>
+Buffer<char> to_nano(const GridType& grid) {
+  const auto handle = nanovdb::openToNanoVDB(grid, nanovdb::StatsMode::MinMax, nanovdb::ChecksumMode::Disable);
+  Buffer<char> bytes(Device::cpu, handle.size());
+  std::copy_n(reinterpret_cast<const char*>(handle.data()), handle.size(), bytes.data());
+  return bytes;
+}
+
+void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
+  write_archive<openvdb::io::Archive>(path, openvdb::GridCPtrVec(grids.begin(), grids.end()));
+}
+
+FloatGrid::Ptr union_level_set(const UnionRequest& request) {
+  auto grid = empty_level_set(request.voxel, request.band);
+  grid->setName("obstacles");
+  std::vector<Leaf*> leaves;
+  for (const LocalBox& box : request.boxes)
+    for_each_block(box, request.voxel, [&](const Coord& origin) {
+      if (!grid->tree().probeLeaf(origin)) leaves.push_back(grid->tree().touchLeaf(origin));
+    });
+  fill_leaves(leaves, request.distance, request.voxel, request.band);
+  openvdb::tools::pruneLevelSet(grid->tree());
+  return grid;
+}
+
+LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
+  const double voxel = scene.voxel(), band = scene.band();
+  FloatGrid::Ptr grid;
+  if (obstacle.shape == Shape::mesh) {
+    grid = mesh_level_set(obstacle, name, voxel, band);
+  } else if (obstacle.shape == Shape::vdb) {
+    grid = file_level_set(obstacle, name, voxel, band);
+  } else {
+    const LocalBox box =
+        obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
+    grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
+  }
+  clamp_to_band(*grid, band);
+  openvdb::tools::pruneInactive(grid->tree());
+  grid->setName(name);
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  LevelSetGrid out;
+  out.bytes = to_nano(*grid);
+  out.facts = facts_of(*grid);
+  out.facts.bytes = static_cast<int64_t>(out.bytes.size());
+  out.near = padded(grid->evalActiveVoxelBoundingBox(), voxel);
+  out.solid = padded(negative_box(*grid), voxel);
+  return out;
+}
+
+}  // namespace
+
+LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
+  initialize_openvdb();
+  // OpenVDB would use all cores, also for each of many obstacles that are built at once.
+  tbb::task_arena arena(num_threads());
+  return arena.execute([&] { return level_set_of(scene, obstacle, name); });
+}
+
+void write_level_sets(const std::string& path, const std::vector<const LevelSetGrid*>& grids,
+                      const UnionRequest& union_request) {
+  initialize_openvdb();
+  openvdb::GridPtrVec out;
+  for (const LevelSetGrid* one : grids) {
+    out.push_back(nanovdb::nanoToOpenVDB(*one->grid()));
+    out.back()->setName(one->facts.name);
+  }
+  out.push_back(union_level_set(union_request));
+  write_grids(path, out);
+}
+
+VectorGrid build_vector_grid(const std::vector<Vec3i>& coordinate, const std::vector<Vec3f>& value, double spacing,
+                             const Vec3d& origin, const std::string& name) {
+  initialize_openvdb();
+  auto grid = openvdb::Vec3SGrid::create(openvdb::Vec3s(0, 0, 0));
+  auto transform = openvdb::math::Transform::createLinearTransform(spacing);
+  transform->postTranslate(openvdb::Vec3d(origin[0], origin[1], origin[2]) + openvdb::Vec3d(spacing / 2));
+  grid->setTransform(transform);
+  grid->setName(name);
+  auto accessor = grid->getAccessor();
+  for (std::size_t i = 0; i < coordinate.size(); ++i)
+    accessor.setValue(Coord(coordinate[i].a), openvdb::Vec3s(value[i].a));
+  VectorGrid out;
+  out.bytes = to_nano(*grid);
+  out.active_cells = static_cast<int64_t>(grid->activeVoxelCount());
+  return out;
+}
+
+void write_vector_grid(const std::string& path, const VectorGrid& grid) {
+  initialize_openvdb();
+  write_grids(path, {nanovdb::nanoToOpenVDB(*grid.grid())});
+}
+
+}  // namespace graupel::sparsegrid
