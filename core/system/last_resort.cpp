@@ -1,5 +1,6 @@
 #include "core/system/last_resort.h"
 
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -42,9 +43,16 @@ void print(const char* text) {
   ::_exit(static_cast<int>(ExitCode::failed));
 }
 
+/// Whether the system gives some more memory. Libraries in C that had none do not say so before they crash.
+bool has_memory() {
+  constexpr std::size_t bytes = std::size_t(1) << 20;
+  void* const memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  return memory != MAP_FAILED && ::munmap(memory, bytes) == 0;
+}
+
 /// Only what a signal's handler may call.
 extern "C" void on_crash(int signal) {
-  if (ran_out) end(out_of_memory);
+  if (ran_out || !has_memory()) end(out_of_memory);
   for (std::size_t i = 0; i < std::size(signals); ++i)
     if (signals[i] == signal) ::sigaction(signal, &before[i], nullptr);
   if (signal == SIGABRT) ::raise(signal);  // the others come again when the instruction is run again

@@ -153,7 +153,7 @@ herr_t collect_attribute(hid_t, const char* name, const H5A_info_t*, void* out) 
 void fail(const std::string& what) {
   ErrorTexts texts;
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect_error, &texts);
-  if (texts.no_memory) {
+  if (texts.no_memory || texts.all.empty()) {  // it had none to note its failure
     note_out_of_memory();
     throw std::bad_alloc();
   }
