@@ -10,6 +10,7 @@
 #include "core/parallel/instruction_set.h"
 #include "experiments/process/process.h"
 #include "experiments/process/sibling_program.h"
+#include "io/trajectory/input_files.h"
 #include "nn/bf16_gemm.h"
 
 namespace graupel::bench {
@@ -121,6 +122,9 @@ Json json_of(const GraphBenchRow& row, double mpm) {
 void print_graph_table(BenchGraphOptions& options) {
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
+  std::vector<NamedFile> inputs = {{"the recipe", options.recipe}};
+  for (const std::string& model : options.models) inputs.push_back({"the weights", model});
+  io::check_inputs_kept(inputs, {{"--json", options.common.json}});
   if (options.libtorch) path_of(training_program);  // refuses before the work
   GraphBench bench(options, device);
   const double rate = product_rate(device);

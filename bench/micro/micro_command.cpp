@@ -5,6 +5,7 @@
 #include "bench/commands.h"
 #include "bench/micro/micro.h"
 #include "core/system/atomic_file.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::bench {
 
@@ -18,6 +19,8 @@ struct MicroOptions {
 };
 
 void run_micro(const MicroOptions& options) {
+  check_output_file(options.json);
+  io::check_inputs_kept({{"the weights", options.weights}, {"the scene", options.scene}}, {{"--json", options.json}});
   set_num_threads(options.threads);
   nlohmann::ordered_json result = {{"device", cuda_device_name()}};
   if (!options.no_mpm) result["mpm"] = run_mpm(parse_device(options.device), options.cells);

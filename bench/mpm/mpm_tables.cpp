@@ -6,6 +6,7 @@
 #include "core/parallel/instruction_set.h"
 #include "core/system/error.h"
 #include "experiments/process/process.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::bench {
 
@@ -123,6 +124,7 @@ void bench_cuda_table(BenchMpmOptions& options) {
 void print_mpm_table(BenchMpmOptions& options) {
   if (!options.categories.empty() && options.recipe.empty())
     throw ConfigError("--category needs a recipe of categories. Name one with --recipe (scenes/recipes/general.json)");
+  io::check_inputs_kept({{"the recipe", options.recipe}}, {{"--json", options.common.json}});
   if (!options.categories.empty()) return bench_categories(options);
   if (!options.recipe.empty()) return bench_recipe(options);
   if (options.table == "cpu") return bench_cpu_table(options);

@@ -9,6 +9,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/models/reduced_model.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::bench {
 
@@ -27,6 +28,7 @@ void bench_rom(BenchRomOptions& options) {
   if (options.instances > 1 && device_of_reduced_models(options.common.device) != Device::cuda)
     throw ConfigError(
         "--instances is of the GPU (on the CPU one run follows the other; allowed there: 1). Add --device cuda");
+  io::check_inputs_kept({{"the model", options.model}, {"the data", options.data}}, {{"--json", options.common.json}});
   std::vector<Json> results;
   for (const std::string& file : options.from) {
     try {

@@ -19,8 +19,8 @@
 #include "core/system/standard_output.h"
 #include "experiments/comparison/compare_scene.h"
 #include "experiments/comparison/fairness.h"
-#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
+#include "io/trajectory/input_files.h"
 #include "mpm/memory_need.h"
 #include "nn/offline_cost.h"
 #include "nn/weights.h"
@@ -161,12 +161,12 @@ void check_outputs(const CompareOptions& options) {
   std::vector<NamedFile> inputs = {{"the floors", options.floor_file}, {"the training runs", options.training_runs}};
   for (const std::string& scene : options.scenes) inputs.push_back({"the scenes", scene});
   for (const std::string& model : options.models) inputs.push_back({"the model", file_of(model)});
-  check_inputs_kept(inputs,
-                    {{"--json", options.json},
-                     {"--csv", options.csv},
-                     {"--report", options.report},
-                     {"--write-floors", options.write_floors}},
-                    options.set);
+  io::check_inputs_kept(inputs,
+                        {{"--json", options.json},
+                         {"--csv", options.csv},
+                         {"--report", options.report},
+                         {"--write-floors", options.write_floors}},
+                        options.set);
 }
 
 /// One contact sheet a scene and model: the truth above, the model below.

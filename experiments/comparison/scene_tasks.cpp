@@ -12,7 +12,7 @@
 #include "core/scene/recipes/category_recipe.h"
 #include "core/system/error.h"
 #include "experiments/data/scene_source.h"
-#include "experiments/data/stored_positions.h"
+#include "experiments/data/stored_frames.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -85,7 +85,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
                       options.frames, source, stored));
     task.frames = options.frames > 0 ? options.frames : stored;
     trajectory.frames = reader.frames(i, 0, task.frames + 1);
-    check_stored_positions(trajectory.frames, 0, "'" + source + "'");
+    check_stored_frames(trajectory.frames, 0, "'" + source + "'");
     task.initial_velocity = reader.initial_velocity(i);
     if (task.initial_velocity.empty()) task.initial_velocity = trajectory.frames.front().velocity;
     if (task.initial_velocity.empty())

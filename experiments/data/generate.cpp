@@ -6,7 +6,7 @@
 
 #include "core/system/shell_words.h"
 #include "experiments/data/slurm_array.h"
-#include "experiments/process/input_files.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::experiments {
 
@@ -39,15 +39,15 @@ void generate(GenerateOptions& options) {
   options.set.shard = parse_shard(options.shard);
   hint_at_array(options);
   const std::string folder = options.set.folder + "/";
-  check_inputs_kept({{"the recipe", options.scenes.recipe}},
-                    {{"--json", options.common.json},
-                     {"the output", folder + "dataset.json"},
-                     {"the output", folder + "metadata.json"},
-                     {"the output", folder + "redrawn.jsonl"},
-                     {"the output", folder + "train.h5"},
-                     {"the output", folder + "valid.h5"},
-                     {"the output", folder + "test.h5"}},
-                    options.scenes.set);
+  io::check_inputs_kept({{"the recipe", options.scenes.recipe}},
+                        {{"--json", options.common.json},
+                         {"the output", folder + "dataset.json"},
+                         {"the output", folder + "metadata.json"},
+                         {"the output", folder + "redrawn.jsonl"},
+                         {"the output", folder + "train.h5"},
+                         {"the output", folder + "valid.h5"},
+                         {"the output", folder + "test.h5"}},
+                        options.scenes.set);
   const auto scenes = open_recipe(options.scenes);
   options.common.write_json(make_data_set(*scenes, options.set));
 }

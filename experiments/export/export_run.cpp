@@ -17,12 +17,12 @@
 #include "experiments/export/film.h"
 #include "experiments/export/frame_range.h"
 #include "experiments/export/run_pictures.h"
-#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "io/export/export.h"
 #include "io/export/export_frames.h"
 #include "io/scene/scene_reader.h"
+#include "io/trajectory/input_files.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
@@ -186,7 +186,7 @@ ExportResult export_forces(const ExportRequest& request, const std::string& json
   const std::string stem = std::filesystem::path(request.input).stem().string();
   const std::string file = request.folder.empty() ? stem + "_forces.csv" : request.folder;
   check_output_file(file);
-  check_inputs_kept({{"the trajectory", request.input}}, {{"--output", file}, {"--json", json}});
+  io::check_inputs_kept({{"the trajectory", request.input}}, {{"--output", file}, {"--json", json}});
   io::export_forces(table, file);
   return {file, static_cast<int64_t>(table.times.size()), static_cast<int64_t>(header.particle_count())};
 }
@@ -220,7 +220,7 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
                                   request.input, reader.count() - 1));
   const Trajectory header = reader.header(request.trajectory);
   const auto frame_count = static_cast<int64_t>(header.frame_count());
-  if (frame_count == 0) throw ConfigError("'" + request.input + "' has no frames (0). Export another trajectory");
+  if (frame_count == 0) throw InputError("'" + request.input + "' has no frames (0). Export another trajectory");
   if (request.format == force_format) return export_forces(request, json, reader, header);
   const std::vector<int64_t> frames = parse_frame_range(request.frames, frame_count, request.input);
   const StoredScene stored = stored_scene(header.scene_json, request.input);
@@ -234,8 +234,8 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
     target.up_axis = compare::vertical_axis(stored.scene->gravity) == 2 ? 'Z' : 'Y';
   }
   const NamedFile input = {"the trajectory", request.input};
-  check_inputs_kept({input}, {{"--json", json}});
-  check_apart_from_series(files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
+  io::check_inputs_kept({input}, {{"--json", json}});
+  check_apart_from_series(io::files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
   const std::unique_ptr<Sink> sink = make_sink(request, target, stored);
   const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
   Progress progress("export", static_cast<int64_t>(frames.size()));

@@ -9,7 +9,7 @@
 #include "core/system/stop_signal.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
-#include "experiments/process/input_files.h"
+#include "io/trajectory/input_files.h"
 #include "io/trajectory/recovered_file.h"
 
 namespace graupel::experiments {
@@ -88,7 +88,7 @@ void inspect(InspectOptions& options) {
   options.common.apply();
   std::vector<NamedFile> files;
   for (const std::string& file : options.files) files.push_back({"the file", file});
-  check_inputs_kept(files, {{"--json", options.common.json}});
+  io::check_inputs_kept(files, {{"--json", options.common.json}});
   const std::string& first = options.files.front();
   const bool runs = options.files.size() > 1 || is_run_folder(first);
   if (runs && options.recover)

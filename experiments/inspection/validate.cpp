@@ -9,13 +9,13 @@
 #include "core/system/error.h"
 #include "core/system/printable.h"
 #include "core/system/stop_signal.h"
-#include "experiments/data/stored_positions.h"
+#include "experiments/data/stored_frames.h"
 #include "experiments/inspection/file_facts.h"
-#include "experiments/process/input_files.h"
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "io/scene/sweep_reader.h"
+#include "io/trajectory/input_files.h"
 #include "io/trajectory/state_file.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -40,8 +40,8 @@ void check_frames(const std::string& file) {
   for (int i = 0; i < reader.count(); ++i) {
     const auto frames = static_cast<int64_t>(reader.header(i).frame_count());
     for (int64_t first = 0; first < frames; first += at_once)
-      check_stored_positions(reader.frames(i, first, std::min(at_once, frames - first)), first,
-                             fmt::format("'{}': trajectory {}", file, i));
+      check_stored_frames(reader.frames(i, first, std::min(at_once, frames - first), reader.fields(i)), first,
+                          fmt::format("'{}': trajectory {}", file, i));
   }
 }
 
@@ -71,7 +71,7 @@ void validate(ValidateOptions& options) {
   options.common.apply();
   std::vector<NamedFile> inputs;
   for (const std::string& file : options.files) inputs.push_back({"the file", file});
-  check_inputs_kept(inputs, {{"--json", options.common.json}});
+  io::check_inputs_kept(inputs, {{"--json", options.common.json}});
   nlohmann::ordered_json result = {{"kind", "validation"}, {"files", nlohmann::ordered_json::array()}};
   std::size_t count = 0;
   for (const std::string& file : options.files) {

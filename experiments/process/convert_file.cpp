@@ -5,8 +5,8 @@
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
-#include "experiments/process/input_files.h"
 #include "io/scene/scene_reader.h"
+#include "io/trajectory/input_files.h"
 #include "nn/number_width.h"
 
 namespace graupel::experiments {
@@ -28,7 +28,7 @@ void convert_file(FileConversion& conversion) {
   const FileConversion& c = conversion;
   conversion.common.apply();
   check_output_file(c.output);
-  check_inputs_kept({{"the input", c.input}}, {{"the output", c.output}, {"--json", c.common.json}}, c.set);
+  io::check_inputs_kept({{"the input", c.input}}, {{"the output", c.output}, {"--json", c.common.json}}, c.set);
   const bool weights = c.input.ends_with(".safetensors");
   if (weights)
     convert_weights(c);

@@ -5,11 +5,11 @@
 #include "core/system/error.h"
 #include "core/system/output_files.h"
 #include "experiments/models/model_choice.h"
-#include "experiments/process/input_files.h"
 #include "experiments/rollout/coarse_rollout.h"
 #include "experiments/rollout/network_rollout.h"
 #include "experiments/rollout/reduced_rollout.h"
 #include "experiments/rollout/rollout_input.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::experiments {
 
@@ -31,8 +31,8 @@ void check_flags(const RolloutOptions& options) {
     throw ConfigError("--all and --trajectory do not go together (--trajectory " + std::to_string(options.trajectory) +
                       " is one of them). Leave one out");
   check_library_output(options.output);
-  check_inputs_kept({{"the weights", options.weights}, {"the input", options.input}},
-                    {{"--output", options.output}, {"--json", options.common.json}}, options.set);
+  io::check_inputs_kept({{"the weights", options.weights}, {"the input", options.input}},
+                        {{"--output", options.output}, {"--json", options.common.json}}, options.set);
 }
 
 /// The first flag given that only reduced-order models know; null where there is none.

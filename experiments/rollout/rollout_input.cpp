@@ -7,7 +7,7 @@
 
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
-#include "experiments/data/stored_positions.h"
+#include "experiments/data/stored_frames.h"
 #include "experiments/models/start_state.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/scene/particle_materials.h"
@@ -73,7 +73,7 @@ void read_rest(const io::TrajectoryReader& reader, const std::string& what, int 
   if (header.diverged_at_frame >= 0) usable = std::min(usable, header.diverged_at_frame);
   const int64_t there = std::max<int64_t>(0, usable - first);
   std::vector<ParticleFrame> frames = reader.frames(index, first, count < 0 ? there : std::min(there, count));
-  check_stored_positions(frames, first, what);
+  check_stored_frames(frames, first, what);
   for (auto& frame : frames) {
     start.rest.push_back(std::move(frame.position));
     start.rest_active.push_back(std::move(frame.active));
@@ -127,7 +127,7 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
     return start;
   }
   std::vector<ParticleFrame> frames = reader.frames(index, 0, history);
-  check_stored_positions(frames, 0, fmt::format("'{}': trajectory {}", options.input, index));
+  check_stored_frames(frames, 0, fmt::format("'{}': trajectory {}", options.input, index));
   start.active = frames.back().active;
   for (ParticleFrame& frame : frames) start.history.push_back(std::move(frame.position));
   if (is_timed(start.scene)) start.time = (history - 1) * start.scene.frame_time;

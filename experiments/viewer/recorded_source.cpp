@@ -61,7 +61,7 @@ RecordedSource::RecordedSource(const std::string& file, int trajectory) : reader
     throw ConfigError(
         fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", trajectory, file, reader_.count() - 1));
   Trajectory header = reader_.header(trajectory);
-  if (header.frames.empty()) throw ConfigError("'" + file + "' has no frames (0). Choose another file");
+  if (header.frames.empty()) throw InputError("'" + file + "' has no frames (0). Choose another file");
   facts_.name = std::filesystem::path(file).filename().string();
   if (reader_.count() > 1) facts_.name += fmt::format(" [{}]", trajectory);
   facts_.made_by = header.made_by;

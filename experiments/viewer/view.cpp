@@ -12,10 +12,10 @@
 #include "core/system/error.h"
 #include "core/system/printable.h"
 #include "core/system/standard_output.h"
-#include "experiments/process/input_files.h"
 #include "experiments/process/process.h"
 #include "experiments/viewer/live_source.h"
 #include "experiments/viewer/recorded_source.h"
+#include "io/trajectory/input_files.h"
 
 namespace graupel::experiments {
 
@@ -83,7 +83,7 @@ void view(ViewOptions& options) {
   const Device device = options.common.apply();
   std::vector<NamedFile> inputs;
   for (const std::string& file : options.files) inputs.push_back({"the file", file});
-  check_inputs_kept(inputs, {{"--json", options.common.json}}, options.set);
+  io::check_inputs_kept(inputs, {{"--json", options.common.json}}, options.set);
   const Viewer viewer(options, device);
   for (const std::string& note : viewer.notes()) std::fprintf(stderr, "graupel: note: %s\n", printable(note).c_str());
   options.common.write_json({{"address", viewer.address()}});

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "core/system/atomic_file.h"
@@ -94,14 +95,17 @@ std::string frame_file(const ExportTarget& target, const std::string& material, 
 }
 
 void check_finite(int64_t frame, const PointFrame& points) {
-  const auto check = [&](const std::vector<Vec3f>& vectors, const char* what) {
+  const auto check = [&](const std::vector<Vec3f>& vectors, float limit, const char* what) {
     for (std::size_t i = 0; i < vectors.size(); ++i)
-      if (!std::isfinite(vectors[i][0]) || !std::isfinite(vectors[i][1]) || !std::isfinite(vectors[i][2]))
-        throw DivergedError("particle " + std::to_string(points.id[i]) + " of frame " + std::to_string(frame) +
-                            " cannot be written (" + what + " is not finite). Export the frames before it");
+      for (int d = 0; d < 3; ++d)
+        if (!(std::abs(vectors[i][d]) <= limit))  // NaN too
+          throw DivergedError("particle " + std::to_string(points.id[i]) + " of frame " + std::to_string(frame) +
+                              " cannot be written (" + what +
+                              (std::isfinite(vectors[i][d]) ? " is beyond 1e6 m" : " is not finite") +
+                              "). Export the frames before it");
   };
-  check(points.position, "position");
-  check(points.velocity, "velocity");
+  check(points.position, 1e6f, "position");
+  check(points.velocity, std::numeric_limits<float>::max(), "velocity");
 }
 
 namespace {

@@ -20,11 +20,12 @@ class OddFiles : public ::testing::Test {
  protected:
   /// A trajectory of one particle at these times; `change` may spoil a frame.
   std::string write_run(const std::string& name, const std::vector<double>& times,
-                        const std::function<void(std::size_t, ParticleFrame&)>& change = {}) const {
+                        const std::function<void(std::size_t, ParticleFrame&)>& change = {},
+                        FieldSet fields = {}) const {
     Trajectory header;
     header.particle_type = {5};
     header.scene_json = small_scene();
-    io::TrajectoryWriter writer(folder_.file(name), header, {});
+    io::TrajectoryWriter writer(folder_.file(name), header, {.fields = fields});
     for (std::size_t k = 0; k < times.size(); ++k) {
       ParticleFrame frame;
       frame.time = times[k];
@@ -67,6 +68,45 @@ TEST_F(OddFiles, NumbersThatAreNoneAreNotExported) {
   const Outcome outcome = graupel("validate " + place);
   EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
   EXPECT_TRUE(outcome.says("frame 1, particle 0: z = nan")) << outcome.output;
+}
+
+TEST_F(OddFiles, NumbersThatAreNoneAreFound) {
+  const std::string speed = write_run("v.h5", {0, 0.1}, [](std::size_t k, ParticleFrame& frame) {
+    if (k == 1) frame.velocity[0][1] = nan;
+  });
+  for (const std::string& verb : {"validate " + speed, "compare --models mpm --no-floors --scenes " + speed}) {
+    const Outcome outcome = graupel(verb);
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+    EXPECT_TRUE(outcome.says("frame 1, particle 0: velocity y = nan m/s (allowed: finite)")) << outcome.output;
+  }
+  const std::string stress = write_run(
+      "s.h5", {0, 0.1},
+      [](std::size_t k, ParticleFrame& frame) { frame.fields[ParticleField::stress].assign(6, k == 1 ? nan : 0.0f); },
+      {ParticleField::stress});
+  const Outcome outcome = graupel("validate " + stress);
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+  EXPECT_TRUE(outcome.says("frame 1, particle 0: stress[0] = nan")) << outcome.output;
+}
+
+TEST_F(OddFiles, PlacesFarAwayAreNotExported) {
+  const std::string far = write_run("x.h5", {0, 0.1}, [](std::size_t k, ParticleFrame& frame) {
+    if (k == 1) frame.position[0][2] = -1e30f;
+  });
+  for (const char* format : {"vtp", "vdb"}) {
+    const Outcome outcome = graupel("export " + far + " -f " + format + " -o " + folder_.file(format));
+    EXPECT_EQ(outcome.exit_code, 4) << format << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("particle 0 of frame 1") && outcome.says("position is beyond 1e6 m")) << outcome.output;
+  }
+}
+
+TEST_F(OddFiles, TrajectoriesWithoutFrames) {
+  const std::string run = write_run("empty.h5", {});
+  for (const std::string& verb : {"export -o " + folder_.file("e") + " ", std::string("view "),
+                                  std::string("compare --models mpm --no-floors --scenes ")}) {
+    const Outcome outcome = graupel(verb + run);
+    EXPECT_EQ(outcome.exit_code, 3) << verb << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("empty.h5") && outcome.says(" frames")) << outcome.output;
+  }
 }
 
 TEST_F(OddFiles, TrajectoriesThatAreTooShortToStartFrom) {

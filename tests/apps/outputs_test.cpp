@@ -100,6 +100,57 @@ TEST_F(Outputs, OfTheOtherVerbs) {
   EXPECT_EQ(text_of(recipe), recipe_text);
 }
 
+TEST_F(Outputs, OfBench) {
+  const std::string recipe = folder_.write("recipe.json", text_of(GRAUPEL_SOURCE_DIR "/scenes/recipes/hgn.json"));
+  const std::string recipe_text = text_of(recipe);
+  for (const std::string& input : {recipe, weights_}) {
+    expect_refused("bench graph --models " + weights_ + " --recipe " + recipe + " --json " + input);
+    EXPECT_EQ(text_of(recipe), recipe_text);
+  }
+  expect_refused("bench mpm --recipe " + recipe + " --json " + recipe);
+  EXPECT_EQ(text_of(recipe), recipe_text);
+  for (const std::string& input : {scene_, weights_, mesh_})
+    expect_refused("bench micro --scene " + scene_ + " --weights " + weights_ + " --json " + input);
+  for (const std::string& input : {weights_, mesh_})
+    expect_refused("bench rom " + weights_ + " " + folder_.file(".") + " --json " + input);
+}
+
+TEST_F(Outputs, OfTraining) {
+  const std::string data = folder_.file("data"), run = folder_.file("run");
+  std::filesystem::create_directory(data);
+  std::filesystem::rename(make_run("run.h5"), data + "/train.h5");
+  const std::string bytes = text_of(data + "/train.h5");
+  const std::string settings = folder_.write("settings.json", "{}");
+  const std::string words = " --data " + data + " --json ", train = "train ";
+  for (const std::string& input : {data + "/train.h5", mesh_, weights_, settings}) {
+    for (const char* network : {"hgn", "gns"})
+      expect_refused(train + network + " --config " + settings + " --from " + weights_ + " --out " + run + words +
+                     input);
+    if (input == weights_) continue;
+    for (const char* model : {"nsf", "crom"})
+      expect_refused(train + model + " --config " + settings + " --out " + run + words + input);
+  }
+  expect_refused("train hgn --evaluate " + weights_ + " --split train" + words + weights_);
+  expect_refused("train hgn --evaluate " + weights_ + " --split train" + words + data + "/train.h5");
+  expect_refused("train time " + weights_ + " --data " + data + "/train.h5 --json " + weights_);
+  expect_refused("train coarse --recipe " GRAUPEL_SOURCE_DIR "/scenes/recipes/general.json --from " + weights_ +
+                 " --out " + run + " --json " + weights_);
+  EXPECT_EQ(text_of(data + "/train.h5"), bytes);
+  EXPECT_EQ(text_of(settings), "{}");
+  EXPECT_FALSE(std::filesystem::exists(run));
+}
+
+/// New weights would take the place of those that training starts from.
+TEST_F(Outputs, OfARunFolder) {
+  const std::string run = folder_.file("run"), old = run + "/weights.safetensors";
+  std::filesystem::create_directory(run);
+  std::filesystem::create_hard_link(weights_, old);
+  expect_refused("train coarse --recipe " GRAUPEL_SOURCE_DIR "/scenes/recipes/general.json --from " + old + " --out " +
+                 run);
+  expect_refused("train hgn --data " + run + " --from " + old + " --out " + run);
+  EXPECT_EQ(text_of(old), model_);
+}
+
 /// A pipe stands for a device, which only root can make.
 TEST_F(Outputs, ReplaceNoDevice) {
   const std::string pipe = folder_.file("pipe");

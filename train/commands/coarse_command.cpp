@@ -16,6 +16,7 @@
 #include "nn/offline_cost.h"
 #include "train/coarse/coarse_training.h"
 #include "train/commands/run_log.h"
+#include "train/commands/run_outputs.h"
 #include "train/loop/run_folder.h"
 #include "train/parallel/rank_environment.h"
 
@@ -45,6 +46,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
         fmt::format("'{}' is no recipe of categories, which this training draws its scenes from (allowed: a .json with "
                     "\"categories\"). Name one, such as scenes/recipes/general.json",
                     arguments.recipe));
+  check_run_outputs({{"the recipe", arguments.recipe}, {"the weights", arguments.from}}, arguments.out, arguments.json);
   CoarseTrainingOptions options = arguments.training;
   options.recipe = io::read_category_recipe(arguments.recipe);
   options.device = parse_device(arguments.device);

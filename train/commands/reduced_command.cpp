@@ -8,6 +8,7 @@
 #include "core/system/error.h"
 #include "core/system/human_time.h"
 #include "core/system/stop_signal.h"
+#include "train/commands/run_outputs.h"
 #include "train/loop/run_folder.h"
 #include "train/loop/training_cost.h"
 
@@ -41,6 +42,7 @@ void check_reduced_arguments(ReducedArguments& a, const std::string& recipe) {
   }
   if (a.data.empty())
     throw ConfigError("--data is missing. Name the folder of a sweep ('graupel generate " + recipe + "' makes one)");
+  check_run_outputs({{"the data", a.data}, {"the settings", a.config}}, a.out, a.json);
 }
 
 std::map<std::string, std::string> provenance_of(const ReducedArguments& a, const std::string& command_line,

@@ -31,7 +31,7 @@ struct ReducedArguments {
 void add_reduced_options(const Command& verb, ReducedArguments& a, const std::string& device_meaning);
 
 /// Throws ConfigError where settings are given for a run that goes on, or data is named nowhere (`recipe` makes some);
-/// InputError where it is no run. Sets the run folder and the data of such a run.
+/// InputError where it is no run; as check_run_outputs(). Sets the run folder and the data of such a run.
 void check_reduced_arguments(ReducedArguments& a, const std::string& recipe);
 
 /// Settings of a new run, or those of the run that goes on.

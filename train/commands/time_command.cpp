@@ -11,6 +11,7 @@
 #include "core/system/command_line.h"
 #include "train/commands/network_timing.h"
 #include "train/commands/run_log.h"
+#include "train/commands/run_outputs.h"
 #include "train/networks/network_module.h"
 #include "train/parallel/blas_threads.h"
 #include "train/parallel/rank_environment.h"
@@ -28,6 +29,7 @@ struct Arguments {
 
 void time_and_print(const Arguments& arguments, const std::string& command_line) {
   require_one_process("'graupel train time'");
+  check_run_outputs({{"the weights", arguments.weights}, {"the trajectory", arguments.data}}, "", arguments.json);
   NetworkTimingOptions options = arguments.timing;
   set_num_threads(options.threads);
   options.threads = num_threads();

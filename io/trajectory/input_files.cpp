@@ -1,4 +1,4 @@
-#include "experiments/process/input_files.h"
+#include "io/trajectory/input_files.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -8,7 +8,7 @@
 #include "core/system/error.h"
 #include "io/trajectory/trajectory_file.h"
 
-namespace graupel::experiments {
+namespace graupel::io {
 
 namespace fs = std::filesystem;
 
@@ -48,7 +48,7 @@ class FileList {
   }
   void add_named_in_trajectories(const std::string& path) {
     try {
-      const io::TrajectoryReader reader(path);
+      const TrajectoryReader reader(path);
       for (int i = 0; i < std::min(reader.count(), most_trajectories); ++i)
         look_into(reader.header(i).scene_json, fs::path(path).parent_path());
     } catch (const Error&) {  // who reads it says what is wrong with it
@@ -95,4 +95,4 @@ void check_inputs_kept(const std::vector<NamedFile>& inputs, const std::vector<N
   check_apart(any ? files_behind(inputs, set) : std::vector<NamedFile>(), outputs);
 }
 
-}  // namespace graupel::experiments
+}  // namespace graupel::io

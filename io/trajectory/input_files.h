@@ -6,7 +6,7 @@
 
 #include "core/system/output_files.h"
 
-namespace graupel::experiments {
+namespace graupel::io {
 
 /// Throws as check_apart(). Inputs are files, or folders with all that is in them; of scenes, recipes and trajectories
 /// also the geometry and the scenes that they name, with the changes `set` ("obstacles.0.file=bowl.obj").
@@ -16,4 +16,4 @@ void check_inputs_kept(const std::vector<NamedFile>& inputs, const std::vector<N
 /// The files behind `inputs`, as above: themselves, and what they name.
 std::vector<NamedFile> files_behind(const std::vector<NamedFile>& inputs, const std::vector<std::string>& set = {});
 
-}  // namespace graupel::experiments
+}  // namespace graupel::io
