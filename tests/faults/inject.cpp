@@ -95,7 +95,8 @@ Settings::Settings() {
   ::dl_iterate_phdr(find_program, this);
   const int descriptor = next<int(const char*, int, ...)>("open")(file, O_RDWR);
   if (descriptor < 0) std::abort();
-  void* memory = ::mmap(nullptr, sizeof(Report), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+  void* memory =
+      next<decltype(::mmap)>("mmap")(nullptr, sizeof(Report), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
   next<int(int)>("close")(descriptor);
   if (memory == MAP_FAILED) std::abort();
   report = static_cast<Report*>(memory);
@@ -207,6 +208,13 @@ bool fails_to_allocate(const void* caller) {
   const auto from = reinterpret_cast<uintptr_t>(caller);
   if (!s.any_caller && (from < s.program_begin || from >= s.program_end)) return false;
   return count(of_allocate, "") == Outcome::failed;
+}
+
+/// Whether the system has no pages left either: allocations fail for good.
+bool is_out_of_pages() {
+  if (!in_main) return false;
+  const Settings& s = settings();
+  return s.report != nullptr && s.kind == of_allocate && s.lasting && s.report->failed > 0;
 }
 
 /// Says where a program that aborts or crashes is.
@@ -361,6 +369,13 @@ int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
   if (memory == nullptr) return ENOMEM;
   *out = memory;
   return 0;
+}
+
+void* mmap(void* place, std::size_t length, int protection, int flags, int descriptor, off_t at) noexcept {
+  static const auto real = next<decltype(::mmap)>("mmap");
+  if ((flags & MAP_ANONYMOUS) == 0 || !is_out_of_pages()) return real(place, length, protection, flags, descriptor, at);
+  errno = ENOMEM;
+  return MAP_FAILED;
 }
 
 }  // extern "C"
