@@ -81,6 +81,67 @@ TEST(HostileFiles, PartFilesAreCheckedBeforeTheyAreRecovered) {
   EXPECT_TRUE(outcome.says("run.h5.part") && outcome.says("crashed on it")) << outcome.output;
 }
 
+/// An obstacle's level set.
+std::string good_vdb(const Folder& folder) {
+  const std::string scene =
+      folder.write("scene.json", small_scene("  \"obstacle_voxel\": 0.02, \"obstacles\": [{ \"shape\": \"sphere\", "
+                                             "\"radius\": 0.1, \"position\": [0.2, 0.2, 0.2] }]"));
+  EXPECT_EQ(graupel("simulate " + scene + " --frames 0 -o " + folder.file("a.h5") + " --write-obstacles " +
+                    folder.file("good.vdb"))
+                .exit_code,
+            0);
+  return folder.file("good.vdb");
+}
+
+/// Refused by the checker in limited time, in inspections and as an obstacle.
+void expect_no_vdb(const Folder& folder, const std::string& bytes) {
+  folder.write("bad.vdb", bytes);
+  const std::string scene =
+      folder.write("bad.json", small_scene("  \"obstacles\": [{ \"shape\": \"vdb\", \"file\": \"bad.vdb\" }]"));
+  for (const std::string& line : {"inspect " + folder.file("bad.vdb"), "simulate --dry-run " + scene}) {
+    const Stopwatch watch;
+    const Outcome outcome = graupel(line);
+    EXPECT_EQ(outcome.exit_code, 3) << line << ": " << outcome.output;
+    EXPECT_TRUE(outcome.says("bad.vdb") && outcome.says("the OpenVDB library ") &&
+                (outcome.says("MiB of memory for it") || outcome.says("does not come to an end with it")))
+        << outcome.output;
+    EXPECT_LT(watch.seconds(), 120);
+  }
+}
+
+template <typename T>
+std::string with(std::string bytes, std::size_t at, T value) {
+  std::memcpy(bytes.data() + at, &value, sizeof value);
+  return bytes;
+}
+
+/// Of the first grid in the file: its name, its type and that of its parent, each after its length, then where its
+/// data begin, where its values do and where it ends.
+std::size_t begin_of_places(const std::string& vdb) {
+  const std::string type = "Tree_float_5_4_3";
+  return vdb.find(type) + type.size() + 4;
+}
+
+TEST(HostileFiles, TextsOfGigabytesInAVdbFileAreNotRead) {
+  const Folder folder;
+  const std::string good = bytes_of(good_vdb(folder));
+  EXPECT_EQ(graupel("inspect " + folder.file("good.vdb")).exit_code, 0);
+  const auto before = [&](const std::string& text) { return good.find(text) - 4; };
+  for (const std::size_t at : {before("obstacle_0_sphere"), before("Tree_float"), before("class"), before("level set")})
+    expect_no_vdb(folder, with(good, at, uint32_t(0x7fffffff)));
+}
+
+TEST(HostileFiles, GridsOfAVdbFileAreCheckedWhereTheProgramReadsThem) {
+  const Folder folder;
+  const std::string good = bytes_of(good_vdb(folder));
+  const std::size_t places = begin_of_places(good);
+  // Metadata there, after the kind of compression: one text, 'a', of two gigabytes.
+  const std::string metadata("\6\0\0\0\1\0\0\0\1\0\0\0a\6\0\0\0string\xff\xff\xff\x7f", 27);
+  expect_no_vdb(folder, with(good + metadata, places, uint64_t(good.size())));
+  // A second grid there whose name has two gigabytes.
+  expect_no_vdb(folder, with(good + std::string("\xff\xff\xff\x7f", 4), places + 16, uint64_t(good.size())));
+}
+
 TEST(HostileFiles, APipeIsNoTrajectory) {
   const Folder folder;
   const std::string pipe = folder.file("pipe.h5");
