@@ -58,6 +58,11 @@ extern "C" void on_crash(int signal) {
   if (signal == SIGABRT) ::raise(signal);  // the others come again when the instruction is run again
 }
 
+/// HDF5 ends the program by exit(-1) where it has no memory to begin a call; nothing else does.
+extern "C" void on_library_exit(int status, void*) {
+  if (status == -1) end(out_of_memory);
+}
+
 [[noreturn]] void on_failed_new() {
   note_out_of_memory();
   throw std::bad_alloc();
@@ -96,6 +101,7 @@ void install_last_resort(const char* program, const char* remedy) {
   reserve = std::malloc(reserve_bytes);
   std::set_new_handler(on_failed_new);
   std::set_terminate(on_terminate);
+  ::on_exit(on_library_exit, nullptr);
   struct sigaction action {};
   action.sa_handler = on_crash;
   for (std::size_t i = 0; i < std::size(signals); ++i) ::sigaction(signals[i], &action, &before[i]);

@@ -1,4 +1,7 @@
 // graupel-check-vdb: has OpenVDB read all grids of a file, in a process that may end (core/system/checks/file_check.h).
+// openvdb::io::File goes on with whatever its variables hold where a file ends early; the streams here throw.
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <tbb/global_control.h>
@@ -12,44 +15,61 @@
 
 namespace {
 
-/// From its beginning to its end. openvdb::io::File goes on with whatever its variables hold where a file ends early;
-/// this stream throws.
-void read_in_order(const std::string& path) {
+/// As the program does: where the file says that its grids begin and end, which a stream does not ask. A grid that is
+/// refused does not keep the program from the next.
+class GridsByPlace : public openvdb::io::Archive {
+ public:
+  explicit GridsByPlace(std::istream& in) {
+    openvdb::SharedPtr<openvdb::io::StreamMetadata> settings(new openvdb::io::StreamMetadata);
+    settings->setSeekable(true);
+    openvdb::io::setStreamMetadataPtr(in, settings, /*transfer=*/false);
+    readHeader(in);
+    if (!inputHasGridOffsets()) return;
+    setFormatVersion(in);
+    setLibraryVersion(in);
+    setDataCompression(in);
+    openvdb::MetaMap().readMeta(in);
+    for (int32_t left = readGridCount(in); left > 0; --left) {
+      openvdb::io::GridDescriptor descriptor;
+      const openvdb::GridBase::Ptr grid = descriptor.read(in);
+      try {
+        descriptor.seekToGrid(in);
+        readGrid(grid, descriptor, in);
+      } catch (const std::bad_alloc&) {
+        throw;
+      } catch (const std::ios::failure&) {
+        throw;
+      } catch (const std::exception&) {
+      }
+      descriptor.seekToEnd(in);
+    }
+  }
+};
+
+/// What is refused in one order the program may not come to in another.
+template <typename Grids>
+void read_all(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   in.exceptions(std::ios::failbit | std::ios::badbit);
   try {
-    const openvdb::io::Stream grids(in, /*delayLoad=*/false);
+    const Grids grids(in);
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::ios::failure&) {
     if (in.eof()) throw graupel::FileIsCut();
+  } catch (const std::exception&) {
   }
 }
 
-/// As the program does: where the file says that its grids begin and end, which a stream does not ask. One that is
-/// refused does not keep the program from the next.
-void read_by_place(const std::string& path) {
-  openvdb::io::File file(path);
-  file.open(/*delayLoad=*/false);
-  for (auto name = file.beginName(); name != file.endName(); ++name) try {
-      file.readGridMetadata(*name);
-      file.readGrid(*name);
-    } catch (const std::bad_alloc&) {
-      throw;
-    } catch (const std::exception&) {
-    }
-}
+struct GridsInOrder : openvdb::io::Stream {
+  explicit GridsInOrder(std::istream& in) : Stream(in, /*delayLoad=*/false) {}
+};
 
 void read_file(const std::string& path) {
   static std::once_flag once;
   std::call_once(once, [] { openvdb::initialize(); });
-  try {
-    read_in_order(path);
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const graupel::FileIsCut&) {
-    throw;
-  } catch (const std::exception&) {  // refused: in the same order the program may not come to it
-  }
-  read_by_place(path);
+  read_all<GridsInOrder>(path);
+  read_all<GridsByPlace>(path);
 }
 
 }  // namespace
