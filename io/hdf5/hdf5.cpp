@@ -47,7 +47,8 @@ herr_t collect_error(unsigned, const H5E_error2_t* error, void* out) {
     constexpr std::string_view key = "error message = '";
     if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
       texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
-    texts.no_memory = texts.no_memory || (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE);
+    texts.no_memory = texts.no_memory || (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE) ||
+                      text.find("memory allocation failed") != std::string::npos;
     if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));
     return 0;
   });
