@@ -9,6 +9,9 @@ find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(PNG REQUIRED)
 find_package(TBB REQUIRED)
 find_package(ZLIB REQUIRED)
+# Expands trajectories two to three times as fast; zlib serves without it.
+find_path(GRAUPEL_LIBDEFLATE_HEADERS libdeflate.h)
+find_library(GRAUPEL_LIBDEFLATE deflate)
 
 add_library(graupel_hdf5 INTERFACE)
 target_include_directories(graupel_hdf5 SYSTEM INTERFACE ${HDF5_INCLUDE_DIRS})

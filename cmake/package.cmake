@@ -27,5 +27,5 @@ set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_LIBRARY_DESCRIPTION
   "Material point method and learned simulators, C++ library\n Headers, static libraries and the package for find_package(Graupel).")
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_DEPENDS
-  "graupel (= ${PROJECT_VERSION}), libopenvdb-dev, libhdf5-dev, libtbb-dev, libboost-iostreams-dev, libpng-dev, zlib1g-dev, libfmt-dev")
+  "graupel (= ${PROJECT_VERSION}), libopenvdb-dev, libhdf5-dev, libtbb-dev, libboost-iostreams-dev, libpng-dev, zlib1g-dev, libdeflate-dev, libfmt-dev")
 include(CPack)

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/scene/materials_by_type.h"
 #include "experiments/models/start_state.h"
 #include "experiments/models/trained_materials.h"
 #include "graph/learned_simulator.h"
@@ -67,6 +68,7 @@ Trajectory NetworkModel::rollout(const Scene& scene, const NetworkRollout& optio
   if (options.progress) run.progress = [&](int64_t frame, const graph::FrameTiming&) { options.progress(frame); };
   Trajectory trajectory = impl_->simulator.rollout(scene, graph::Environment(scene), start.particle_type,
                                                    experiments::past_of(start, scene, history), run);
+  trajectory.materials = kept_materials(scene.materials, start.material);
   trajectory.scene_json = io::scene_to_json(scene);
   trajectory.seed = seed;
   trajectory.made_by = impl_->file;

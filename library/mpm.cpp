@@ -3,6 +3,7 @@
 #include <map>
 #include <utility>
 
+#include "core/scene/materials_by_type.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/user_material_run.h"
 
@@ -12,6 +13,7 @@ struct Simulation::Impl {
   Scene scene;
   uint64_t seed;
   std::unique_ptr<mpm::Simulation> run;
+  ParticleMaterials materials;
   /// Copies of the present state; empty until they are asked for.
   std::shared_ptr<const ParticleFrame> frame;
   std::map<ParticleField, std::shared_ptr<const std::vector<float>>> fields;
@@ -38,14 +40,17 @@ Scene with_names(Scene scene) {
 }  // namespace
 
 Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
-    : impl_(std::make_unique<Impl>(Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}, {}})) {
+    : impl_(std::make_unique<Impl>(
+          Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}, {}, {}})) {
   if (settings.device == Device::cuda) parse_device("cuda");  // says what is missing
   mpm::SimulationOptions options;
   options.device = settings.device;
   options.precision = settings.f64 ? mpm::Precision::f64 : mpm::Precision::f32;
   options.seed = impl_->seed;
   options.contact_forces = settings.contact_forces;
-  impl_->run = mpm::create_with_user_materials({impl_->scene, options}, settings.materials);
+  const mpm::PreparedScene prepared(impl_->scene, options);
+  impl_->materials = kept_materials(impl_->scene.materials, prepared.particles.material);
+  impl_->run = mpm::create_with_user_materials(prepared, settings.materials);
 }
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
@@ -94,6 +99,7 @@ ParticleFrame Simulation::frame(FieldSet wanted) const { return mpm::frame_with_
 Trajectory Simulation::header() const {
   Trajectory header;
   header.particle_type = impl_->run->particle_type();
+  header.materials = impl_->materials;
   header.frame_time = impl_->scene.frame_time;
   header.scene_json = io::scene_to_json(impl_->scene);
   header.seed = impl_->seed;

@@ -2,6 +2,7 @@
 
 #include "experiments/models/reduced_model.h"
 #include "io/scene/scene_reader.h"
+#include "mpm/scene/particle_materials.h"
 
 namespace graupel {
 
@@ -77,6 +78,7 @@ std::shared_ptr<const ParticleFrame> ReducedSimulation::shared_frame() const { r
 Trajectory ReducedSimulation::header() const {
   Trajectory header;
   header.particle_type = impl_->run.particle_type();
+  header.materials = mpm::kept_materials(impl_->scene, impl_->seed);
   header.frame_time = impl_->scene.frame_time;
   header.scene_json = io::scene_to_json(impl_->scene);
   header.seed = impl_->seed;

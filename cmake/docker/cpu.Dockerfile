@@ -4,7 +4,7 @@
 FROM debian:12-slim AS build
 RUN apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
       g++ cmake ninja-build file dpkg-dev python3 \
-      libopenvdb-dev libnanovdb-dev libboost-iostreams-dev libtbb-dev libhdf5-dev libpng-dev zlib1g-dev \
+      libopenvdb-dev libnanovdb-dev libboost-iostreams-dev libtbb-dev libhdf5-dev libpng-dev zlib1g-dev libdeflate-dev \
       libeigen3-dev libopenblas-dev libopenblas0-openmp \
       libcli11-dev libfmt-dev nlohmann-json3-dev libtinyobjloader-dev librandom123-dev \
       libtorch-dev libgloo-dev && \

@@ -1,6 +1,7 @@
 #include "core/scene/materials_by_type.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/system/error.h"
 
@@ -37,6 +38,14 @@ std::vector<int32_t> MaterialsByType::indices(const std::vector<int32_t>& partic
     indices.push_back(materials[0].index);
   }
   return indices;
+}
+
+ParticleMaterials kept_materials(const std::map<std::string, MaterialConfig>& materials, std::vector<int32_t> index) {
+  constexpr std::size_t most_names = 4096;
+  if (MaterialsByType(materials).tells_all() || materials.size() > most_names) return {};
+  ParticleMaterials kept{std::move(index), {}};
+  for (const auto& [name, material] : materials) kept.names.push_back(name);
+  return kept;
 }
 
 }  // namespace graupel

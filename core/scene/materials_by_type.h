@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/scene/material_config.h"
+#include "core/scene/trajectory.h"
 
 namespace graupel {
 
@@ -29,5 +30,9 @@ class MaterialsByType {
   };
   std::map<int32_t, std::vector<Named>> of_type_;
 };
+
+/// What a trajectory keeps of its particles' materials, `index` [n] into the scene's in map order: nothing where their
+/// types tell all, or where there are more than 4096 materials, which a file does not name.
+ParticleMaterials kept_materials(const std::map<std::string, MaterialConfig>& materials, std::vector<int32_t> index);
 
 }  // namespace graupel

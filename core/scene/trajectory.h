@@ -22,6 +22,15 @@ struct ParticleFrame {
   bool is_active(std::size_t i) const { return active.empty() || active[i] != 0; }
 };
 
+/// Which material of the scene each particle is of, where two materials are of one law; else empty: types tell.
+struct ParticleMaterials {
+  std::vector<int32_t> index;      ///< [n] into names; -1: none (particles of obstacles)
+  std::vector<std::string> names;  ///< keys of the scene's materials
+
+  bool empty() const { return names.empty(); }
+  bool operator==(const ParticleMaterials&) const = default;
+};
+
 struct Trajectory {
   std::vector<int32_t> particle_type;  ///< [n], ids of core/scene/material_config.h
   std::vector<ParticleFrame> frames;   ///< [T]
@@ -30,6 +39,7 @@ struct Trajectory {
   uint64_t seed = 0;
   std::string made_by;             ///< "mpm", or the weights file of a learned model
   int64_t diverged_at_frame = -1;  ///< first frame that is not usable; -1 for none
+  ParticleMaterials materials = {};
 
   std::size_t particle_count() const { return particle_type.size(); }
   std::size_t frame_count() const { return frames.size(); }

@@ -14,6 +14,7 @@
 
 #include "core/parallel/parallel_tasks.h"
 #include "core/parallel/start_task.h"
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "core/system/unfinished_file.h"
 #include "experiments/process/process.h"
@@ -173,6 +174,7 @@ SceneRunner::Files SceneRunner::open_files(const Jobs& jobs, const std::vector<m
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     Trajectory header;
     header.particle_type = batch.particle_type(static_cast<int>(i));
+    header.materials = kept_materials(scenes[i].scene.materials, scenes[i].particles.material);
     header.frame_time = scenes[i].scene.frame_time;
     header.scene_json = io::scene_to_json(scenes[i].scene);
     header.seed = scenes[i].options.seed;

@@ -242,7 +242,7 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const std::vector<ParticleFrame> read = reader.frames(request.trajectory, frames[k], 1, fields);
     stop_if_interrupted("; the frames before are in '" + target.folder + "'");
-    const io::PointFrame points = io::points_of(header.particle_type, read.front());
+    const io::PointFrame points = io::points_of(header.particle_type, read.front(), header.materials);
     io::check_finite(frames[k], points);
     sink->write(frames[k], points);
     progress.update(static_cast<int64_t>(k) + 1);

@@ -130,6 +130,7 @@ Json trajectory_facts(const std::string& file) {
                     {"made_by", t.made_by},
                     {"diverged_at_frame", t.diverged_at_frame},
                     {"has_scene", !t.scene_json.empty()}});
+    if (!t.materials.empty()) list.back()["materials"] = t.materials.names;
     if (const FieldSet fields = reader.fields(i); !fields.empty()) list.back()["fields"] = fields.names();
     if (const auto names = reader.contact_names(i); !names.empty()) list.back()["forces_on"] = names;
     for (const io::NamedValue& parameter : reader.parameters(i)) {

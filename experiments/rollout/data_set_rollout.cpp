@@ -135,6 +135,7 @@ class DataSetRollout {
   }
   void take(int64_t trajectory, RolloutStart& start, LearnedSimulator::SceneResult&& result) {
     Trajectory& t = result.trajectory;
+    t.materials = start.kept_materials;
     t.seed = start.seed;
     t.made_by = options_.weights;
     write_positions(parts_.file(trajectory), t);

@@ -61,6 +61,7 @@ void rollout_network(const RolloutOptions& options, Device device) {
   };
   Trajectory trajectory = simulator.rollout(start.scene, environment, start.particle_type, start.history, run);
   if (trajectory.diverged_at_frame < 0) progress.done();
+  trajectory.materials = start.kept_materials;
   trajectory.seed = start.seed;
   trajectory.made_by = options.weights;
   write_positions(options.output, trajectory);

@@ -16,6 +16,7 @@
 #include "experiments/rollout/reduced_rollout.h"
 #include "experiments/rollout/rollout_input.h"
 #include "io/trajectory/trajectory_file.h"
+#include "mpm/scene/particle_materials.h"
 
 namespace graupel::experiments {
 
@@ -58,6 +59,13 @@ GivenLoad parse_load(const std::string& text) {
   const Load load = {
       {numbers[2], numbers[3], numbers[4]}, numbers[5], {numbers[6], numbers[7], numbers[8]}, numbers[1]};
   return {{load, numbers[0]}, text};
+}
+
+/// As many of each value as make `count` together.
+void repeat_each(std::vector<int32_t>& values, std::size_t count) {
+  std::vector<int32_t> repeated;
+  for (const int32_t value : values) repeated.insert(repeated.end(), count / values.size(), value);
+  values = std::move(repeated);
 }
 
 /// A run with its trajectory on the disk: a row of `trust` a frame, the largest of them, and the time.
@@ -113,6 +121,8 @@ class ReducedRollout {
   Trajectory header_of(const SceneAndSeed& task) const {
     Trajectory header;
     header.particle_type = refined_ ? refined_->particle_type() : run_.particle_type();
+    header.materials = mpm::kept_materials(task.scene, task.seed);
+    if (refined_) repeat_each(header.materials.index, header.particle_type.size());
     header.frame_time = task.scene.frame_time * static_cast<double>(options_.stride);
     header.scene_json = task.scene.source;
     header.seed = task.seed;

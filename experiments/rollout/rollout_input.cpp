@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/scene/materials_by_type.h"
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "experiments/data/stored_frames.h"
@@ -61,6 +62,7 @@ RolloutStart start_from_scene(const RolloutOptions& options, int history) {
   const StartState sampled = start_of(start.scene, start.seed);
   start.particle_type = sampled.particle_type;
   start.material = sampled.material;
+  start.kept_materials = kept_materials(start.scene.materials, sampled.material);
   start.history = past_of(sampled, start.scene, history);
   start.schedule = schedule_of(sampled);
   return start;
@@ -95,6 +97,7 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
   RolloutStart start;
   start.scene = stored_scene(header, options);
   start.particle_type = header.particle_type;
+  start.kept_materials = header.materials;
   start.seed = header.seed;
   start.unknown_gravity = header.made_by.starts_with("converted from") && norm2(start.scene.gravity) == 0;
   const bool from_scene = options.start == "scene";

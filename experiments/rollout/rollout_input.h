@@ -34,6 +34,7 @@ struct RolloutStart {
   Scene scene;
   std::vector<int32_t> particle_type;
   std::vector<int32_t> material;                  ///< indices into the scene's materials, where asked for; or empty
+  ParticleMaterials kept_materials;               ///< for the trajectory that is written
   std::vector<std::vector<Vec3f>> history;        ///< positions [m] of frames, oldest first
   std::vector<std::vector<Vec3f>> rest;           ///< of a trajectory: its frames after the start
   std::vector<std::vector<uint8_t>> rest_active;  ///< and which particles are in the run in them, or empty ones

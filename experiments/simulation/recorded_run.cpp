@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
 #include "core/system/printable.h"
@@ -41,7 +42,11 @@ void write_blowup(const std::string& output, const Trajectory& header, const mpm
 RecordedRun::RecordedRun(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation,
                          const std::optional<io::SavedRun>& saved)
     : options_(options), scene_(scene), write_(options.write_options(scene)), saved_(saved) {
-  run_ = naming_file(options.scene_file(), [&] { return mpm::Simulation::create(scene, simulation); });
+  run_ = naming_file(options.scene_file(), [&] {
+    const mpm::PreparedScene prepared(scene, simulation);
+    header_.materials = kept_materials(scene.materials, prepared.particles.material);
+    return mpm::Simulation::create(prepared);
+  });
   if (!options.write_obstacles.empty()) run_->obstacles().write_vdb(options.write_obstacles);
   header_.particle_type = run_->particle_type();
   header_.frame_time = scene.frame_time;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
+#include "core/scene/trajectory.h"
 #include "experiments/viewer/frame_record.h"
 
 namespace graupel::experiments {
@@ -16,6 +17,7 @@ struct RunFacts {
   std::string name;                    ///< of the file
   std::string made_by;                 ///< "mpm", a weights file, "" where unknown
   std::vector<int32_t> particle_type;  ///< [particles]
+  ParticleMaterials materials;         ///< where two materials are of one law
   std::vector<double> times;           ///< [frames], of a run that goes on those to come too [s]
   std::optional<Scene> scene;          ///< where it is known
   int dimensions = 3;

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
 #include "experiments/simulation/scene_file_error.h"
@@ -13,7 +14,11 @@ LiveSource::LiveSource(const LiveRequest& request, uint32_t run) {
   const Scene scene = io::read_scene(request.scene, request.set);
   mpm::SimulationOptions options = request.options;
   if (!request.seed_given) options.seed = scene.seed;
-  simulation_ = naming_file(request.scene, [&] { return mpm::Simulation::create(scene, options); });
+  simulation_ = naming_file(request.scene, [&] {
+    const mpm::PreparedScene prepared(scene, options);
+    facts_.materials = kept_materials(scene.materials, prepared.particles.material);
+    return mpm::Simulation::create(prepared);
+  });
   set_scene(facts_, scene);
   facts_.name = std::filesystem::path(request.scene).filename().string();
   facts_.made_by = "mpm";

@@ -21,17 +21,37 @@ Json list_of(const Vec<T, 3>& v) {
   return {v[0], v[1], v[2]};
 }
 
-uint8_t byte_of(int32_t type) { return static_cast<uint8_t>(std::clamp(type, 0, 255)); }
+/// What the page colours a particle by: its material where that is stored, else its type.
+uint8_t key_of(const RunFacts& facts, std::size_t particle) {
+  const int32_t key =
+      facts.materials.empty() ? facts.particle_type[particle] : facts.materials.index[particle] + 1;  // 0: none
+  return static_cast<uint8_t>(std::clamp(key, 0, 255));
+}
+
+/// The colour of a law's k-th material: that of the law, then darker and lighter ones.
+compare::Color shade(const compare::Color& color, int k) {
+  const int mixed = std::min(60, 35 * ((k + 1) / 2)), other = k % 2 == 1 ? 0 : 255;  // per cent of black or white
+  compare::Color out = color;
+  for (auto& channel : out) channel = static_cast<uint8_t>(((100 - mixed) * channel + mixed * other) / 100);
+  return out;
+}
 
 Json materials_of(const RunFacts& facts) {
-  std::map<int32_t, std::size_t> count;
-  for (const int32_t type : facts.particle_type) ++count[byte_of(type)];
+  struct Found {
+    int32_t type;
+    std::size_t particles;
+  };
+  std::map<uint8_t, Found> by_key;
+  for (std::size_t i = 0; i < facts.particle_type.size(); ++i)
+    ++by_key.try_emplace(key_of(facts, i), Found{facts.particle_type[i], 0}).first->second.particles;
+  std::map<int32_t, int> of_law;
   Json materials = Json::array();
-  for (const auto& [type, particles] : count) {
-    const compare::Color color = compare::color_of_type(type);
-    materials.push_back({{"type", type},
-                         {"name", particle_type_name(type)},
-                         {"particles", particles},
+  for (const auto& [key, found] : by_key) {
+    const compare::Color color = shade(compare::color_of_type(found.type), of_law[found.type]++);
+    materials.push_back({{"type", key},
+                         {"name", facts.materials.empty() || key == 0 ? particle_type_name(found.type)
+                                                                      : facts.materials.names[key - 1U]},
+                         {"particles", found.particles},
                          {"color", {color[0], color[1], color[2]}}});
   }
   return materials;
@@ -110,7 +130,7 @@ std::string status_json(const Sources& sides) {
 
 std::string type_bytes(const RunFacts& facts) {
   std::string bytes;
-  for (const int32_t type : facts.particle_type) bytes.push_back(static_cast<char>(byte_of(type)));
+  for (std::size_t i = 0; i < facts.particle_type.size(); ++i) bytes.push_back(static_cast<char>(key_of(facts, i)));
   return bytes;
 }
 

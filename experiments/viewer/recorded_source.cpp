@@ -66,6 +66,7 @@ RecordedSource::RecordedSource(const std::string& file, int trajectory) : reader
   if (reader_.count() > 1) facts_.name += fmt::format(" [{}]", trajectory);
   facts_.made_by = header.made_by;
   facts_.particle_type = std::move(header.particle_type);
+  facts_.materials = std::move(header.materials);
   for (const ParticleFrame& frame : header.frames) facts_.times.push_back(frame.time);
   if (header.diverged_at_frame >= 0) facts_.note = fmt::format("diverged at frame {}", header.diverged_at_frame);
   if (!header.scene_json.empty()) try {
@@ -172,14 +173,16 @@ void RecordedSource::read_in_background() {
 
 void RecordedSource::load(const Range& range) {
   const std::size_t particles = facts_.particle_type.size();
-  const std::vector<float> numbers = reader_.positions(trajectory_, range.first, range.count);
+  numbers_.resize(std::max(numbers_.size(), 3 * particles * static_cast<std::size_t>(range.count)));
+  reader_.positions(trajectory_, range.first, range.count,
+                    std::span(numbers_).first(3 * particles * static_cast<std::size_t>(range.count)));
   const std::vector<uint8_t> active = reader_.active(trajectory_, range.first, range.count);
   for (int64_t k = 0; k < range.count; ++k) {
     const int64_t frame = range.first + k;
     const std::size_t row = static_cast<std::size_t>(k) * particles;
     FrameToEncode encoded;
     encoded.time = facts_.times[static_cast<std::size_t>(frame)];
-    encoded.position = {reinterpret_cast<const Vec3f*>(numbers.data()) + row, particles};
+    encoded.position = {reinterpret_cast<const Vec3f*>(numbers_.data()) + row, particles};
     if (!active.empty()) encoded.active = {active.data() + row, particles};
     encoded.obstacle_pose = facts_.obstacle_poses(encoded.time);
     keep(frame, std::make_shared<const std::vector<std::byte>>(encode_frame(encoded, facts_.limits())));

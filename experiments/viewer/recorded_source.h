@@ -47,7 +47,8 @@ class RecordedSource : public FrameSource {
   io::TrajectoryReader reader_;
   int trajectory_;
   RunFacts facts_;
-  int64_t most_at_once_ = 1;  ///< frames that are read together: all threads then expand them
+  std::vector<float> numbers_;  ///< positions that were read last: new memory for each would cost as much as a copy
+  int64_t most_at_once_ = 1;    ///< frames that are read together: all threads then expand them
 
   mutable std::mutex mutex_;
   std::condition_variable work_, ready_;

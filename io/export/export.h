@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,20 +30,23 @@ struct PointFrame {
   std::vector<int32_t> particle_type;  ///< [n]
   std::vector<int32_t> id;             ///< [n] place in the trajectory
   std::vector<float> volume_ratio;     ///< [n] J; empty where the fields that tell it were not stored
+  ParticleMaterials materials = {};    ///< [n]; empty where they were not stored
 };
-/// Of frame `frame` of a trajectory with these types. J is what the field `plastic` holds for water, jelly, neo_hookean
-/// and toothpaste, and det F by `deformation_gradient` for the others; 1 for those without stress.
-PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame);
+/// Of frame `frame` of a trajectory with these types and materials. J is what the field `plastic` holds for water,
+/// jelly, neo_hookean and toothpaste, and det F by `deformation_gradient` for the others; 1 for those without stress.
+PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame,
+                     const ParticleMaterials& materials = {});
 /// The fields that J is read from.
 inline constexpr std::array volume_ratio_fields = {ParticleField::plastic, ParticleField::deformation_gradient};
 
 /// The particles of one material, under its surface.
 struct MaterialSurface {
-  std::string material;  ///< name of the particles' type
-  int32_t particle_type = 0;
+  std::string material;          ///< the scene's name of it where that was stored, else that of the particles' type
+  int32_t particle_type = 0;     ///< of its first particle
+  std::optional<int32_t> index;  ///< in ParticleMaterials, where it was stored
   ParticleSurface surface;
 };
-/// By ascending type; the names of materials in messages follow `where`.
+/// By ascending type and index. Names are of letters, digits and '_', and differ; in messages they follow `where`.
 std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const SurfaceSettings& settings,
                                          const std::string& where);
 

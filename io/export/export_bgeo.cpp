@@ -35,7 +35,8 @@ void append_attribute(std::string& out, const std::string& name, uint16_t compon
 
 std::string bgeo_bytes(const PointFrame& points, float radius) {
   const bool velocity = !points.velocity.empty(), ratio = !points.volume_ratio.empty();
-  const int32_t attributes = 3 + velocity + ratio;
+  const bool material = !points.materials.empty();
+  const int32_t attributes = 3 + velocity + material + ratio;
   std::string out = "BgeoV";
   append_big_endian(out, int32_t(5));
   append_big_endian(out, static_cast<int32_t>(points.position.size()));
@@ -45,6 +46,7 @@ std::string bgeo_bytes(const PointFrame& points, float radius) {
   if (velocity) append_attribute(out, "v", 3, Bgeo::vector);
   append_attribute(out, "id", 1, Bgeo::integer);
   append_attribute(out, "type", 1, Bgeo::integer);
+  if (material) append_attribute(out, "material", 1, Bgeo::integer);
   append_attribute(out, "pscale", 1, Bgeo::real);
   if (ratio) append_attribute(out, "J", 1, Bgeo::real);
   for (std::size_t i = 0; i < points.position.size(); ++i) {
@@ -53,6 +55,7 @@ std::string bgeo_bytes(const PointFrame& points, float radius) {
     if (velocity) append_big_endian(out, points.velocity[i]);
     append_big_endian(out, points.id[i]);
     append_big_endian(out, points.particle_type[i]);
+    if (material) append_big_endian(out, points.materials.index[i]);
     append_big_endian(out, radius);
     if (ratio) append_big_endian(out, points.volume_ratio[i]);
   }

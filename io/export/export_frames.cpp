@@ -137,7 +137,7 @@ MeshSequence::MeshSequence(const ExportTarget& target, std::string ending)
 void MeshSequence::write(int64_t frame, double time, const std::vector<MaterialSurface>& surfaces) {
   for (const MaterialSurface& one : surfaces) {
     const std::string file = frame_file(target_, one.material, frame, ending_);
-    write_file_atomically(file, bytes_of(one.surface.mesh(), one.particle_type, time));
+    write_file_atomically(file, bytes_of(one.surface.mesh(), one, time));
     wrote(time, one, std::filesystem::path(file).filename());
   }
 }

@@ -31,7 +31,7 @@ class MeshSequence : public SurfaceWriter {
   const ExportTarget& target() const { return target_; }
 
  private:
-  virtual std::string bytes_of(const SurfaceMesh& mesh, int32_t particle_type, double time) const = 0;
+  virtual std::string bytes_of(const SurfaceMesh& mesh, const MaterialSurface& of, double time) const = 0;
   /// After a file was written; `file` is its name in the folder.
   virtual void wrote(double, const MaterialSurface&, const std::string&) {}
 

@@ -22,7 +22,7 @@ class ObjSurfaces : public MeshSequence {
   explicit ObjSurfaces(const ExportTarget& target) : MeshSequence(target, ".obj") {}
 
  private:
-  std::string bytes_of(const SurfaceMesh& mesh, int32_t, double) const override {
+  std::string bytes_of(const SurfaceMesh& mesh, const MaterialSurface&, double) const override {
     std::string out = "# metres; made by graupel\n";
     append_vectors(out, "v", mesh.position);
     append_vectors(out, "vn", mesh.normal);

@@ -20,9 +20,11 @@ std::string vertex_header(std::size_t count) {
 
 std::string ply_bytes(const PointFrame& points) {
   const bool velocity = !points.velocity.empty(), ratio = !points.volume_ratio.empty();
+  const bool material = !points.materials.empty();
   std::string out = vertex_header(points.position.size());
   if (velocity) out += properties("float", {"vx", "vy", "vz"});
   out += properties("int", {"type", "id"});
+  if (material) out += properties("int", {"material"});
   if (ratio) out += properties("float", {"J"});
   out += "end_header\n";
   for (std::size_t i = 0; i < points.position.size(); ++i) {
@@ -30,6 +32,7 @@ std::string ply_bytes(const PointFrame& points) {
     if (velocity) append_bytes(out, points.velocity[i]);
     append_bytes(out, points.particle_type[i]);
     append_bytes(out, points.id[i]);
+    if (material) append_bytes(out, points.materials.index[i]);
     if (ratio) append_bytes(out, points.volume_ratio[i]);
   }
   return out;
@@ -51,17 +54,18 @@ class PlySurfaces : public MeshSequence {
   explicit PlySurfaces(const ExportTarget& target) : MeshSequence(target, ".ply") {}
 
  private:
-  std::string bytes_of(const SurfaceMesh& mesh, int32_t particle_type, double) const override {
+  std::string bytes_of(const SurfaceMesh& mesh, const MaterialSurface& of, double) const override {
     const bool velocity = !mesh.velocity.empty();
     std::string out = vertex_header(mesh.position.size()) + properties("float", {"nx", "ny", "nz"});
     if (velocity) out += properties("float", {"vx", "vy", "vz"});
-    out += properties("int", {"type"}) + "element face " + std::to_string(mesh.triangles.size()) +
-           "\nproperty list uchar int vertex_indices\nend_header\n";
+    out += properties("int", {"type"}) + (of.index ? properties("int", {"material"}) : "") + "element face " +
+           std::to_string(mesh.triangles.size()) + "\nproperty list uchar int vertex_indices\nend_header\n";
     for (std::size_t i = 0; i < mesh.position.size(); ++i) {
       append_bytes(out, mesh.position[i]);
       append_bytes(out, mesh.normal[i]);
       if (velocity) append_bytes(out, mesh.velocity[i]);
-      append_bytes(out, particle_type);
+      append_bytes(out, of.particle_type);
+      if (of.index) append_bytes(out, *of.index);
     }
     for (const auto& triangle : mesh.triangles) {
       out += '\x03';

@@ -30,6 +30,8 @@ class UsdaPoints : public PointWriter {
     if (!points.velocity.empty() || points.position.empty())
       particles_.sample("vector3f[] velocities", frame, usda_array(points.velocity));
     particles_.sample("int[] primvars:particle_type", frame, usda_array(points.particle_type), a_value_a_point);
+    if (!points.materials.empty())
+      particles_.sample("int[] primvars:material", frame, usda_array(points.materials.index), a_value_a_point);
     if (!points.volume_ratio.empty())
       particles_.sample("float[] primvars:J", frame, usda_array(points.volume_ratio), a_value_a_point);
   }
@@ -47,12 +49,12 @@ class UsdaSurfaces : public SurfaceWriter {
 
   void write(int64_t frame, double, const std::vector<MaterialSurface>& surfaces) override {
     layer_.cover(frame);
-    std::map<int32_t, UsdaPrim*> absent = materials_;
+    std::map<std::string, UsdaPrim*> absent = materials_;
     for (const MaterialSurface& one : surfaces) {
       sample(material(one), frame, one.surface.mesh());
-      absent.erase(one.particle_type);
+      absent.erase(one.material);
     }
-    for (const auto& [type, prim] : absent) sample(*prim, frame, {});
+    for (const auto& [name, prim] : absent) sample(*prim, frame, {});
     last_frame_ = frame;
   }
   void finish() override { layer_.finish(); }
@@ -60,13 +62,16 @@ class UsdaSurfaces : public SurfaceWriter {
  private:
   /// The mesh of a material, empty in the frames before its first.
   UsdaPrim& material(const MaterialSurface& surface) {
-    UsdaPrim*& prim = materials_[surface.particle_type];
+    UsdaPrim*& prim = materials_[surface.material];
     if (prim == nullptr) {
       prim = &layer_.prim("Mesh", surface.material);
       prim->constant("uniform token orientation = \"rightHanded\"");
       prim->constant("uniform token subdivisionScheme = \"none\"");
       prim->constant("int primvars:particle_type = " + std::to_string(surface.particle_type) +
                      " (\n            interpolation = \"constant\"\n        )");
+      if (surface.index)
+        prim->constant("int primvars:material = " + std::to_string(*surface.index) +
+                       " (\n            interpolation = \"constant\"\n        )");
       if (last_frame_) sample(*prim, *last_frame_, {});
     }
     return *prim;
@@ -85,7 +90,7 @@ class UsdaSurfaces : public SurfaceWriter {
   }
 
   UsdaLayer layer_;
-  std::map<int32_t, UsdaPrim*> materials_;
+  std::map<std::string, UsdaPrim*> materials_;
   std::optional<int64_t> last_frame_;
 };
 

@@ -1,4 +1,4 @@
-// OpenVDB point grids, one file a frame: P, v, id, type, J. The only file of this folder that knows OpenVDB.
+// OpenVDB point grids, one file a frame: P, v, id, type, material, J. The only file of this folder that knows OpenVDB.
 #include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointConversion.h>
@@ -53,6 +53,7 @@ PointDataGrid::Ptr point_grid(const PointFrame& frame) {
       openvdb::points::createPointDataGrid<openvdb::points::NullCodec, PointDataGrid>(*index, wrapped, *transform);
   add_attribute(*grid, *index, "id", frame.id);
   add_attribute(*grid, *index, "type", frame.particle_type);
+  if (!frame.materials.empty()) add_attribute(*grid, *index, "material", frame.materials.index);
   if (!frame.velocity.empty()) add_attribute(*grid, *index, "v", vdb_vectors(frame.velocity));
   if (!frame.volume_ratio.empty()) add_attribute(*grid, *index, "J", frame.volume_ratio);
   grid->setName("particles");

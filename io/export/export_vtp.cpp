@@ -64,6 +64,7 @@ std::string vtp_bytes(const PointFrame& points) {
   begin_piece(out, points.time, points.position.size(), points.position.size(), Cells::vertices,
               points.velocity.empty() ? "" : " Vectors=\"velocity\"");
   out.array("Int32", "particle_type", 1, points.particle_type);
+  if (!points.materials.empty()) out.array("Int32", "material", 1, points.materials.index);
   out.array("Int32", "id", 1, points.id);
   if (!points.velocity.empty()) out.array("Float32", "velocity", 3, points.velocity);
   if (!points.volume_ratio.empty()) out.array("Float32", "J", 1, points.volume_ratio);
@@ -72,11 +73,12 @@ std::string vtp_bytes(const PointFrame& points) {
   return finish_piece(out, points.position, connectivity, 1, "Verts");
 }
 
-std::string vtp_bytes(const SurfaceMesh& mesh, int32_t particle_type, double time) {
+std::string vtp_bytes(const SurfaceMesh& mesh, const MaterialSurface& of, double time) {
   AppendedXml out;
   begin_piece(out, time, mesh.position.size(), mesh.triangles.size(), Cells::triangles,
               mesh.velocity.empty() ? " Normals=\"Normals\"" : " Normals=\"Normals\" Vectors=\"velocity\"");
-  out.array("Int32", "particle_type", 1, std::vector<int32_t>(mesh.position.size(), particle_type));
+  out.array("Int32", "particle_type", 1, std::vector<int32_t>(mesh.position.size(), of.particle_type));
+  if (of.index) out.array("Int32", "material", 1, std::vector<int32_t>(mesh.position.size(), *of.index));
   out.array("Float32", "Normals", 3, mesh.normal);
   if (!mesh.velocity.empty()) out.array("Float32", "velocity", 3, mesh.velocity);
   std::vector<int64_t> connectivity;
@@ -122,11 +124,12 @@ class VtpSurfaces : public MeshSequence {
   void finish() override { times_.write(target()); }
 
  private:
-  std::string bytes_of(const SurfaceMesh& mesh, int32_t particle_type, double time) const override {
-    return vtp_bytes(mesh, particle_type, time);
+  std::string bytes_of(const SurfaceMesh& mesh, const MaterialSurface& of, double time) const override {
+    return vtp_bytes(mesh, of, time);
   }
   void wrote(double time, const MaterialSurface& surface, const std::string& file) override {
-    times_.add(time, " part=\"" + std::to_string(surface.particle_type) + "\" name=\"" + surface.material + "\"", file);
+    const int32_t part = surface.index ? *surface.index + 1 : surface.particle_type;
+    times_.add(time, " part=\"" + std::to_string(part) + "\" name=\"" + surface.material + "\"", file);
   }
 
   TimeList times_;

@@ -1,4 +1,6 @@
 // What is exported of a frame: its particles with their attributes, and the surface of each material.
+#include <compare>
+#include <map>
 #include <set>
 
 #include "core/scene/material_config.h"
@@ -39,11 +41,46 @@ std::vector<float> volume_ratios(const std::vector<int32_t>& particle_type, cons
   return ratio;
 }
 
+/// Names of materials as parts of names of files: of letters, digits and '_', all different, none that of obstacles.
+std::vector<std::string> file_names(const std::vector<std::string>& names) {
+  constexpr std::size_t longest = 60;
+  const char* allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_";
+  std::set<std::string> taken = {particle_type_name(obstacle_particle_type)};
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    std::string name = names[i].empty() ? "material" : names[i].substr(0, longest);
+    for (std::size_t at = 0; (at = name.find_first_not_of(allowed, at)) != std::string::npos;) name[at] = '_';
+    std::string different = name;
+    for (std::size_t k = i; !taken.insert(different).second; ++k) different = name + "_" + std::to_string(k);
+    out.push_back(different);
+  }
+  return out;
+}
+
+struct Body {
+  int32_t particle_type;
+  std::optional<int32_t> index;  ///< in ParticleMaterials
+  auto operator<=>(const Body&) const = default;
+};
+
+/// Which particles are of each material.
+std::map<Body, std::vector<std::size_t>> bodies_of(const PointFrame& points) {
+  std::map<Body, std::vector<std::size_t>> bodies;
+  for (std::size_t i = 0; i < points.position.size(); ++i) {
+    std::optional<int32_t> index;
+    if (!points.materials.empty()) index = points.materials.index[i];
+    bodies[{points.particle_type[i], index}].push_back(i);
+  }
+  return bodies;
+}
+
 }  // namespace
 
-PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame) {
+PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame,
+                     const ParticleMaterials& materials) {
   PointFrame out;
   out.time = frame.time;
+  out.materials.names = materials.names;
   const std::vector<float> ratio = volume_ratios(particle_type, frame);
   for (std::size_t i = 0; i < frame.position.size(); ++i) {
     if (!frame.is_active(i)) continue;
@@ -52,22 +89,25 @@ PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFr
     out.position.push_back(frame.position[i]);
     if (!frame.velocity.empty()) out.velocity.push_back(frame.velocity[i]);
     if (!ratio.empty()) out.volume_ratio.push_back(ratio[i]);
+    if (!materials.empty()) out.materials.index.push_back(materials.index[i]);
   }
   return out;
 }
 
 std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const SurfaceSettings& settings,
                                          const std::string& where) {
+  const std::vector<std::string> names = file_names(points.materials.names);
   std::vector<MaterialSurface> surfaces;
-  for (const int32_t type : std::set<int32_t>(points.particle_type.begin(), points.particle_type.end())) {
+  for (const auto& [body, particles] : bodies_of(points)) {
     std::vector<Vec3f> position, velocity;
-    for (std::size_t i = 0; i < points.position.size(); ++i) {
-      if (points.particle_type[i] != type) continue;
+    for (const std::size_t i : particles) {
       position.push_back(points.position[i]);
       if (!points.velocity.empty()) velocity.push_back(points.velocity[i]);
     }
-    const std::string material = particle_type_name(type);
-    surfaces.push_back({material, type, ParticleSurface(position, velocity, settings, where + ", " + material)});
+    const std::string material = body.index.value_or(-1) >= 0 ? names[static_cast<std::size_t>(*body.index)]
+                                                              : particle_type_name(body.particle_type);
+    surfaces.push_back({material, body.particle_type, body.index,
+                        ParticleSurface(position, velocity, settings, where + ", " + material)});
   }
   return surfaces;
 }

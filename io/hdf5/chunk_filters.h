@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -24,7 +25,19 @@ struct FilteredChunk {
 
 FilteredChunk filter_chunk(std::span<const std::byte> values, const ChunkFilters& filters);
 
-/// Values of a chunk, `size` bytes. Throws hdf5::Failure for a wrong checksum or size and for damaged data.
-std::vector<std::byte> unfilter_chunk(const FilteredChunk& chunk, const ChunkFilters& filters, std::size_t size);
+/// A chunk that was checked and expanded; what is copied from it is put in order on the way.
+class ExpandedChunk {
+ public:
+  /// Of `size` bytes, a multiple of the elements'; refers to the bytes of `chunk` where they are not deflated. Throws
+  /// hdf5::Failure for a wrong checksum or size and for damaged data.
+  ExpandedChunk(const FilteredChunk& chunk, const ChunkFilters& filters, std::size_t size);
+  /// The bytes from `first` on. Both it and the size of `out` are multiples of the elements'.
+  void copy(std::size_t first, std::span<std::byte> out) const;
+
+ private:
+  std::unique_ptr<std::byte[]> expanded_;
+  std::span<const std::byte> bytes_;
+  std::size_t shuffled_element_;  ///< 1: not shuffled
+};
 
 }  // namespace graupel::io

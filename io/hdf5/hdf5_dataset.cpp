@@ -89,7 +89,7 @@ std::vector<hsize_t> check_storage(hid_t creation, const std::string& name, int 
   return chunk;
 }
 
-/// The filters of a dataset, where they are those of unfilter_chunk() in its order.
+/// The filters of a dataset, where they are those of ExpandedChunk in its order.
 std::optional<ChunkFilters> known_filters(hid_t creation, std::size_t element_bytes) {
   constexpr H5Z_filter_t order[] = {H5Z_FILTER_SHUFFLE, H5Z_FILTER_DEFLATE, H5Z_FILTER_FLETCHER32};
   ChunkFilters found{.element_bytes = element_bytes, .shuffle = false, .deflate = 0, .checksum = false};
@@ -228,10 +228,10 @@ bool Dataset::expand_chunks(hsize_t row) const {
   for (hsize_t second = 0; second < size[1]; second += chunk[1]) {
     FilteredChunk packed;
     if (!read_chunk(row, second, packed)) return false;
-    const std::vector<std::byte> values = unfilter_chunk(packed, *filters, chunk[0] * chunk_line);
+    const ExpandedChunk values(packed, *filters, chunk[0] * chunk_line);
     const std::size_t here = particle * std::min(chunk[1], size[1] - second);
     for (hsize_t r = 0; r < chunk[0]; ++r)
-      std::memcpy(expanded_.data() + r * line + second * particle, values.data() + r * chunk_line, here);
+      values.copy(r * chunk_line, {expanded_.data() + r * line + second * particle, here});
   }
   expanded_row_ = row;
   return true;
@@ -249,12 +249,12 @@ bool Dataset::expand_rows(hsize_t first, hsize_t count, std::byte* out) const {
   for (hsize_t row = first - first % chunk[0]; row < first + count; row += chunk[0])
     for (hsize_t second = 0; second < size[1]; second += chunk[1]) tasks.push_back({row, second, {}});
   const auto place = [&](Task& task) {
-    const std::vector<std::byte> values = unfilter_chunk(task.packed, *filters, chunk[0] * chunk_line);
-    task.packed = {};
+    const ExpandedChunk values(task.packed, *filters, chunk[0] * chunk_line);
     const std::size_t here = particle * std::min(chunk[1], size[1] - task.second);
     const hsize_t begin = std::max(task.row, first), end = std::min(task.row + chunk[0], first + count);
     for (hsize_t r = begin; r < end; ++r)
-      std::memcpy(out + (r - first) * line + task.second * particle, values.data() + (r - task.row) * chunk_line, here);
+      values.copy((r - task.row) * chunk_line, {out + (r - first) * line + task.second * particle, here});
+    task.packed = {};
   };
   for (std::size_t begin = 0; begin < tasks.size(); begin += chunks_at_once) {
     const std::size_t end = std::min(tasks.size(), begin + chunks_at_once);
@@ -269,7 +269,7 @@ bool Dataset::expand_rows(hsize_t first, hsize_t count, std::byte* out) const {
 
 void Dataset::read_rows(hsize_t first, hsize_t count, Element element, void* out) const {
   const bool expands = expands_chunks(element) && !(size.size() == 3 && size[2] == 2);
-  if (expands && count > 1 && count >= chunk[0] && first + count <= size[0] &&
+  if (expands && count >= chunk[0] && first + count <= size[0] &&
       expand_rows(first, count, static_cast<std::byte*>(out)))
     return;
   for (auto* to = static_cast<std::byte*>(out); expands && count > 0; ++first, --count) {

@@ -97,19 +97,37 @@ std::vector<Vec3f> lost_drops(const FloatGrid& grid, const std::vector<Vec3f>& p
   return drops;
 }
 
+/// Particles whose spheres touch no other, and the rest. Where the default radius moves inwards nothing of such a
+/// sphere is left but what its drop covers, so that it takes no part in what comes before.
+struct Spray {
+  std::vector<Vec3f> alone, rest;
+};
+Spray split_spray(const std::vector<Vec3f>& position, const SurfaceSettings& s, double drop) {
+  Spray split;
+  if (s.radius - inward_offset(s) > drop) return {{}, position};
+  const NearParticles touching(position, {}, 2 * (s.radius + s.voxel));
+  for (const Vec3f& p : position) (touching.count(p, 2) < 2 ? split.alone : split.rest).push_back(p);
+  return split;
+}
+
+/// The steps need two voxels on each side of the surface, which are a third fewer than those of the finished band.
 FloatGrid::Ptr level_set_of(const std::vector<Vec3f>& position, const NearParticles& near, const SurfaceSettings& s) {
-  const FloatGrid::Ptr grid = openvdb::createLevelSet<FloatGrid>(s.voxel);
+  constexpr int narrow = 2, finished = 3;  ///< half width of the band [voxels]
+  const FloatGrid::Ptr grid = openvdb::createLevelSet<FloatGrid>(s.voxel, narrow);
   grid->setName("surface");
-  if (position.empty()) return grid;
-  add_spheres(*grid, position, s.radius);
+  const double drop = s.spacing * std::cbrt(0.75 / std::numbers::pi);
+  const Spray spray = split_spray(position, s, drop);
+  if (!spray.rest.empty()) add_spheres(*grid, spray.rest, s.radius);
   openvdb::tools::LevelSetFilter<FloatGrid> filter(*grid);
   filter.setSpatialScheme(openvdb::math::FIRST_BIAS);
   filter.normalize();
   for (int pass = 0; pass < s.smoothing; ++pass) filter.meanCurvature();
   const double inwards = inward_offset(s);
   if (inwards > 0) filter.offset(static_cast<float>(inwards));
-  const double drop = s.spacing * std::cbrt(0.75 / std::numbers::pi);
-  add_spheres(*grid, lost_drops(*grid, position, near, drop), drop_radius(drop, s.voxel));
+  filter.resize(finished);
+  std::vector<Vec3f> drops = lost_drops(*grid, spray.rest, near, drop);
+  drops.insert(drops.end(), spray.alone.begin(), spray.alone.end());
+  add_spheres(*grid, drops, drop_radius(drop, s.voxel));
   return grid;
 }
 

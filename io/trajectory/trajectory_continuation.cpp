@@ -58,7 +58,8 @@ std::string missing_frames(const std::vector<double>& times, const TrajectoryChe
 std::string difference(const UnfinishedTrajectory& file, const Trajectory& header,
                        const TrajectoryWriteOptions& options, const TrajectoryCheckpoint& checkpoint) {
   const Trajectory there = file.header();
-  if (there.particle_type != header.particle_type) return "it has other particles";
+  if (there.particle_type != header.particle_type || there.materials != header.materials)
+    return "it has other particles";
   if (there.seed != header.seed) return "it has another seed";
   if (there.frame_time != header.frame_time || physics_of(there.scene_json) != physics_of(header.scene_json))
     return "it is of another scene";

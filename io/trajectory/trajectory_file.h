@@ -1,14 +1,16 @@
 // Trajectories and data sets in HDF5, readable by h5py and in the LagrangeBench layout:
 //   /00000/position f32 [T, N, 3], /00000/particle_type i32 [N], /00000/velocity f32 [T, N, 3] (optional),
 //   /00000/initial_velocity f32 [N, 3], /00000/time f64 [T], /00000/active u8 [T, N] (only where particles come or go;
-//   0: not in the run in that frame), fields that were asked for (core/scene/particle_fields.h), forces that were asked
-//   for (io/trajectory/contact_datasets.h); attributes: units,
-//   scene_json, seed, version, complete. docs/reference/file_formats.md describes it for users.
+//   0: not in the run in that frame), /00000/material i32 [N] (only where two materials are of one law;
+//   io/trajectory/material_dataset.h), fields that were asked for (core/scene/particle_fields.h), forces that were
+//   asked for (io/trajectory/contact_datasets.h); attributes: units, scene_json, seed, version, complete.
+//   docs/reference/file_formats.md describes it for users.
 // Written as <path>.part, flushed every few frames, synced and renamed, complete=1 last.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -110,6 +112,7 @@ class TrajectoryReader {
   /// One quantity of frames [first, first + count) alone, [count, particles, components]; all threads expand it. Throws
   /// InputError when it is not stored.
   std::vector<float> positions(int i, int64_t first, int64_t count) const;
+  void positions(int i, int64_t first, int64_t count, std::span<float> out) const;  ///< the same, into a buffer
   std::vector<float> velocities(int i, int64_t first, int64_t count) const;
   std::vector<float> values(int i, ParticleField field, int64_t first, int64_t count) const;
   std::vector<Vec3f> initial_velocity(int i) const;  ///< empty when not stored

@@ -10,6 +10,7 @@
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
+#include "io/trajectory/material_dataset.h"
 #include "io/trajectory/run_parameters.h"
 #include "io/trajectory/trajectory_file.h"
 #include "io/trajectory/trajectory_layout.h"
@@ -68,12 +69,14 @@ struct TrajectoryReader::Impl {
   void open();
   const OpenTrajectory& trajectory(int i) const;
   void open_trajectory(int i) const;
+  bool is_whole() const;
   void check_whole(hdf5::Dataset& dataset, const std::string& name) const;
   double frame_time(hid_t group) const;
   std::vector<double> read_times(hid_t group, hsize_t frames) const;
   Trajectory header(int i) const;
   std::vector<ParticleFrame> frames(int i, int64_t first, int64_t count, FieldSet wanted) const;
   std::vector<float> rows(const hdf5::Dataset& dataset, int components, int64_t first, int64_t count) const;
+  void rows(const hdf5::Dataset& dataset, int components, int64_t first, int64_t count, std::span<float> out) const;
 
   /// Runs HDF5 calls; a failure becomes an InputError.
   template <typename Body>
@@ -141,9 +144,12 @@ std::vector<double> TrajectoryReader::Impl::read_times(hid_t group, hsize_t fram
   return times;
 }
 
+/// Files of other programs do not say; what can be opened counts as whole.
+bool TrajectoryReader::Impl::is_whole() const { return hdf5::integer_attribute(file, "complete").value_or(1) == 1; }
+
 /// Of a file that says that it is whole.
 void TrajectoryReader::Impl::check_whole(hdf5::Dataset& dataset, const std::string& name) const {
-  if (hdf5::integer_attribute(file, "complete").value_or(1) != 1) return;
+  if (!is_whole()) return;
   if (const hsize_t missing = dataset.missing_chunks(); missing > 0)
     throw hdf5::Failure(std::to_string(missing) + " chunks of '" + name + "' are missing");
   dataset.is_whole = true;
@@ -196,6 +202,7 @@ Trajectory TrajectoryReader::Impl::header(int i) const {
     throw hdf5::Failure("'particle_type' and 'position' have different numbers of particles");
   out.particle_type.resize(types.size[0]);
   types.read_rows(0, types.size[0], hdf5::Element::int32, out.particle_type.data());
+  out.materials = read_materials(open.group, out.particle_type, file_size, is_whole());
   out.frame_time = frame_time(open.group);
   out.scene_json = hdf5::string_attribute(open.group, "scene_json").value_or("");
   out.seed = hdf5::natural_attribute(open.group, "seed").value_or(0);
@@ -232,11 +239,18 @@ std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, 
 
 std::vector<float> TrajectoryReader::Impl::rows(const hdf5::Dataset& dataset, int components, int64_t first,
                                                 int64_t count) const {
-  GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(dataset.size[0]));
   std::vector<float> out(static_cast<std::size_t>(count) * dataset.size[1] * static_cast<std::size_t>(components));
+  rows(dataset, components, first, count, out);
+  return out;
+}
+
+void TrajectoryReader::Impl::rows(const hdf5::Dataset& dataset, int components, int64_t first, int64_t count,
+                                  std::span<float> out) const {
+  GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(dataset.size[0]));
+  GRAUPEL_ASSERT(out.size() ==
+                 static_cast<std::size_t>(count) * dataset.size[1] * static_cast<std::size_t>(components));
   if (count > 0)
     dataset.read_rows(static_cast<hsize_t>(first), static_cast<hsize_t>(count), hdf5::Element::float32, out.data());
-  return out;
 }
 
 TrajectoryReader::TrajectoryReader(const std::string& path) : impl_(std::make_unique<Impl>()) {
@@ -253,8 +267,7 @@ TrajectoryReader::TrajectoryReader(TrajectoryReader&&) noexcept = default;
 int TrajectoryReader::count() const { return static_cast<int>(impl_->groups.size()); }
 
 bool TrajectoryReader::complete() const {
-  // Files of other programs do not say; what can be opened counts as complete.
-  return impl_->guarded([&] { return hdf5::integer_attribute(impl_->file, "complete").value_or(1) == 1; });
+  return impl_->guarded([&] { return impl_->is_whole(); });
 }
 
 Trajectory TrajectoryReader::header(int i) const {
@@ -275,6 +288,10 @@ std::vector<ParticleFrame> TrajectoryReader::frames(int i, int64_t first, int64_
 
 std::vector<float> TrajectoryReader::positions(int i, int64_t first, int64_t count) const {
   return impl_->guarded(i, [&] { return impl_->rows(impl_->trajectory(i).position, 3, first, count); });
+}
+
+void TrajectoryReader::positions(int i, int64_t first, int64_t count, std::span<float> out) const {
+  impl_->guarded(i, [&] { impl_->rows(impl_->trajectory(i).position, 3, first, count, out); });
 }
 
 std::vector<float> TrajectoryReader::velocities(int i, int64_t first, int64_t count) const {

@@ -12,6 +12,7 @@
 #include "io/hdf5/output_driver.h"
 #include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
+#include "io/trajectory/material_dataset.h"
 #include "io/trajectory/part_file.h"
 #include "io/trajectory/run_parameters.h"
 #include "io/trajectory/trajectory_continuation.h"
@@ -180,6 +181,7 @@ void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_
                                                    .units = "",
                                                    .description = "3 obstacle, 4 jelly, 5 water, 6 sand, 8 snow"});
   hdf5::write_all(types, hdf5::Element::int32, header.particle_type.data());
+  write_materials(group, header.materials);
   if (!options.contacts.empty()) contacts.emplace(group, options.contacts);
   flush();
 }

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "io/trajectory/field_datasets.h"
+#include "io/trajectory/material_dataset.h"
 #include "io/trajectory/run_parameters.h"
 
 namespace graupel::io {
@@ -34,6 +35,7 @@ Trajectory UnfinishedTrajectory::header() const {
   if (types.size[0] != position_.size[1]) throw hdf5::Failure("its datasets have different sizes");
   header.particle_type.resize(types.size[0]);
   types.read_rows(0, types.size[0], hdf5::Element::int32, header.particle_type.data());
+  header.materials = read_materials(group_, header.particle_type, size_, false);
   header.frame_time = hdf5::real_attribute(group_, "frame_time").value_or(header.frame_time);
   header.scene_json = hdf5::string_attribute(group_, "scene_json").value_or("");
   header.seed = hdf5::natural_attribute(group_, "seed").value_or(0);

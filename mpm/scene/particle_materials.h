@@ -1,5 +1,5 @@
-// Which material each particle of a stored trajectory is of: files tell its law, and a scene may have two materials of
-// one law.
+// Which material each particle of a stored trajectory is of: files tell its law, and where a scene has two materials of
+// one law also the material, but for those of earlier versions.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,14 @@
 namespace graupel::mpm {
 
 /// Indices into scene.materials in map order [n], -1 for particles of obstacles, those that emitters send out included.
-/// Where the scene has one material of each law, particles' types tell; else the scene is sampled again with the
-/// trajectory's seed, which must give the particles of its first frame `start` [n]. Throws InputError naming `where`
-/// for particles that are not the scene's, and for data of other programs, whose scene tells no constants: then all of
-/// a material's are the defaults of its model.
+/// They are those that the trajectory keeps; else, where the scene has one material of each law, particles' types tell;
+/// else the scene is sampled again with the trajectory's seed, which must give the particles of its first frame `start`
+/// [n]. Throws InputError naming `where` for particles that are not the scene's, and for data of other programs, whose
+/// scene tells no constants: then all of a material's are the defaults of its model.
 std::vector<int32_t> particle_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
                                         const std::string& where);
+
+/// What a trajectory keeps of the materials of a scene's sampled particles.
+ParticleMaterials kept_materials(const Scene& scene, uint64_t seed);
 
 }  // namespace graupel::mpm

@@ -123,6 +123,32 @@ INSTANTIATE_TEST_SUITE_P(BothPrecisionsAndThreads, Restart,
                          testing::Values(Case{"f32", "2", "1"}, Case{"f32", "1", "2"}, Case{"f64", "1", "1"},
                                          Case{"f64", "2", "2"}));
 
+TEST(RestartOfTwoSands, KeepsTheirMaterials) {
+  const Folder folder;
+  const std::string scene = folder.write("sands.json", R"({ "name": "sands", "domain": { "dx": 0.03125 }, "frames": 9,
+        "materials": { "dry sand": { "preset": "taichi_sand" },
+                       "wet": { "preset": "taichi_sand", "friction_angle": 20 } },
+        "sources": [
+          { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.3, 0.3, 0.5], "material": "dry sand" },
+          { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.7, 0.3, 0.5], "material": "wet" } ] })");
+  const std::string whole = folder.file("whole.h5"), out = folder.file("a.h5"), state = folder.file("a.state");
+  Outcome outcome = graupel("simulate " + scene + " --device cpu --frames 9 -o " + whole);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  ASSERT_EQ(graupel("simulate " + scene + " --device cpu --frames 3 -o " + out + " --save-state " + state).exit_code,
+            0);
+  outcome = graupel("simulate --resume " + state + " --frames 9");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const Trajectory a = read(whole), b = read(out);
+  expect_same_datasets(a, b);
+  EXPECT_EQ(a.materials.names, (std::vector<std::string>{"dry sand", "wet"}));
+  EXPECT_EQ(a.materials, b.materials);
+  for (std::size_t i = 0; i < a.particle_count(); ++i)
+    ASSERT_EQ(a.materials.index[i], a.frames[0].position[i][0] < 0.5f ? 0 : 1) << i;
+  outcome = graupel("export " + out + " --surface --format obj --frames 9 -o " + folder.file("obj"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_EQ(names_in(folder.file("obj")), (std::vector<std::string>{"a_dry_sand_0009.obj", "a_wet_0009.obj"}));
+}
+
 TEST(RestartAfter, AKillBetweenSaves) {
   const Folder folder;
   const std::string scene = folder.write("busy.json", busy_scene()), out = folder.file("a.h5"),

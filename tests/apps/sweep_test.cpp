@@ -49,6 +49,19 @@ class SweepSet : public ::testing::Test {
   std::string recipe_;
 };
 
+TEST_F(SweepSet, KeepsTheMaterialsOfTwoSands) {
+  std::string two = heap;
+  two.replace(two.find("\"materials\": {") + 14, 0, " \"wet\": { \"preset\": \"dry_sand\", \"friction_angle\": 50 },");
+  folder_.write("heap.json", two);
+  const Outcome outcome = generate("", "set");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  for (const std::string split : {"train", "valid", "test"}) {
+    const Trajectory t = io::TrajectoryReader(folder_.file("set/" + split + ".h5")).header(0);
+    EXPECT_EQ(t.materials.names, (std::vector<std::string>{"sand", "wet"})) << split;
+    EXPECT_EQ(t.materials.index, std::vector<int32_t>(t.particle_count(), 0)) << split;
+  }
+}
+
 TEST_F(SweepSet, RunsShareParticlesAndKeepTheirParameters) {
   const Outcome outcome = generate("", "set");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;

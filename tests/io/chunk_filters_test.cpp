@@ -30,6 +30,12 @@ std::vector<std::byte> noise(std::size_t n) {
   return bytes;
 }
 
+std::vector<std::byte> unfilter_chunk(const FilteredChunk& chunk, const ChunkFilters& filters, std::size_t size) {
+  std::vector<std::byte> values(size);
+  ExpandedChunk(chunk, filters, size).copy(0, values);
+  return values;
+}
+
 /// The one chunk of a dataset as the library itself writes it.
 FilteredChunk library_chunk(const std::string& path, const std::vector<std::byte>& values, Element element,
                             const ChunkFilters& filters) {
@@ -75,6 +81,24 @@ TEST(ChunkFilters, GiveTheBytesOfTheLibraryForSingleBytes) {
     EXPECT_TRUE(mine.bytes == library_chunk(folder.file("a.h5"), values, Element::uint8, filters).bytes) << n;
     EXPECT_TRUE(unfilter_chunk(mine, filters, n) == values) << n;
   }
+}
+
+TEST(ChunkFilters, PartsOfAChunkAreThoseOfTheWhole) {
+  for (const std::size_t element : {std::size_t(1), std::size_t(4), std::size_t(8)})
+    for (const int level : {0, 1}) {
+      const ChunkFilters filters{.element_bytes = element, .shuffle = true, .deflate = level, .checksum = true};
+      const auto values = smooth_values(500);
+      const FilteredChunk packed = filter_chunk(values, filters);
+      const ExpandedChunk chunk(packed, filters, values.size());
+      for (const std::size_t first : {std::size_t(0), 3 * element, 200 * element})
+        for (const std::size_t count :
+             {std::size_t(0), std::size_t(1), std::size_t(15), std::size_t(16), std::size_t(49)}) {
+          std::vector<std::byte> part(count * element);
+          chunk.copy(first, part);
+          EXPECT_TRUE(std::equal(part.begin(), part.end(), values.begin() + static_cast<std::ptrdiff_t>(first)))
+              << element << " bytes, " << count << " from " << first;
+        }
+    }
 }
 
 TEST(ChunkFilters, DamageIsNoticed) {

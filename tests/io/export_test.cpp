@@ -128,6 +128,29 @@ TEST(Export, VolumeRatioIsWhatTheFieldsTell) {
   EXPECT_EQ(vtk_array<float>(bytes_of(folder.file("run_0000.vtp")), "J"), (std::vector<float>{8, 1}));
 }
 
+TEST(Export, PointsHaveTheMaterialWhereItIsStored) {
+  ParticleFrame frame = sample_frame(4, 0);
+  frame.active = {1, 0, 1, 1};
+  const PointFrame points = points_of({6, 6, 6, 3}, frame, {{1, 0, 0, -1}, {"dry", "wet"}});
+  const std::vector<int32_t> material = {1, 0, -1};
+  EXPECT_EQ(points.materials.index, material);
+  const TemporaryFolder folder;
+  for (const std::string& format : point_formats()) {
+    const auto writer = make_point_writer(format, {.folder = folder.path(), .name = "run"});
+    writer->write(0, points);
+    writer->finish();
+    const std::string bytes = bytes_of(folder.file(format == "usda" ? "run.usda" : "run_0000." + format));
+    EXPECT_NE(bytes.find("material"), std::string::npos) << format;
+  }
+  EXPECT_EQ(vtk_array<int32_t>(bytes_of(folder.file("run_0000.vtp")), "material"), material);
+  const std::string ply = bytes_of(folder.file("run_0000.ply"));
+  EXPECT_NE(ply.find("property int type\nproperty int id\nproperty int material\nend_header\n"), std::string::npos);
+  int32_t last = 0;
+  std::memcpy(&last, ply.data() + ply.size() - 4, 4);
+  EXPECT_EQ(last, -1);
+  EXPECT_NE(bytes_of(folder.file("run.usda")).find("0: [1, 0, -1],"), std::string::npos);
+}
+
 TEST(Export, PlyWithoutVelocitiesHasNoSuchProperties) {
   TemporaryFolder folder;
   Trajectory trajectory = sample();

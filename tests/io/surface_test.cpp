@@ -262,8 +262,59 @@ TEST_F(SurfaceFiles, VdbHoldsLevelSetAndVelocities) {
   EXPECT_NEAR(openvdb::tools::levelSetVolume(*surface) / std::pow(0.2, 3), 1, 0.06);
   EXPECT_EQ(velocity->activeVoxelCount(), surface->activeVoxelCount());
   EXPECT_NEAR(surface->voxelSize()[0], 0.5 * spacing, 1e-12);
+  EXPECT_FLOAT_EQ(surface->background(), static_cast<float>(3 * surface->voxelSize()[0]));
   for (auto voxel = velocity->cbeginValueOn(); voxel; ++voxel)
     ASSERT_LT((*voxel - openvdb::Vec3s(1, 0, 0)).length(), 1e-5);
+}
+
+/// Two sands: the block of water is now another sand.
+class SurfacesOfTwoSands : public SurfaceFiles {
+ protected:
+  void SetUp() override {
+    points_.materials.names = {"dry", "wet/sand", "wet sand"};
+    for (int32_t& type : points_.particle_type) {
+      points_.materials.index.push_back(type == 6 ? 1 : 2);
+      type = 6;
+    }
+  }
+};
+
+TEST_F(SurfacesOfTwoSands, AreTwoNamedByTheScene) {
+  const auto surfaces = surfaces_of(points_, default_surface_settings(spacing), "frame 0");
+  ASSERT_EQ(surfaces.size(), 2u);
+  EXPECT_EQ(surfaces[0].material, "wet_sand");
+  EXPECT_EQ(surfaces[1].material, "wet_sand_2") << "names of files differ";
+  EXPECT_EQ(surfaces[0].index, 1);
+  for (const Vec3f& x : surfaces[0].surface.mesh().position) ASSERT_GT(x[0], 0.35f);
+  for (const Vec3f& x : surfaces[1].surface.mesh().position) ASSERT_LT(x[0], 0.35f);
+}
+
+TEST_F(SurfacesOfTwoSands, HaveFilesOfTheirOwnInEveryFormat) {
+  const std::size_t corners =
+      surfaces_of(points_, default_surface_settings(spacing), "")[0].surface.mesh().position.size();
+  for (const std::string& format : surface_formats()) {
+    write(format);
+    if (format == "usda") continue;
+    for (const std::string name : {"run_wet_sand_0005.", "run_wet_sand_2_0005."})
+      EXPECT_TRUE(std::filesystem::exists(folder_.file(name + format))) << name << format;
+  }
+  EXPECT_EQ(read_mesh(folder_.file("run_wet_sand_0005.obj")).vertices.size(), corners);
+  const std::string list = bytes_of(folder_.file("run.pvd"));
+  EXPECT_NE(list.find("part=\"2\" name=\"wet_sand\" file=\"run_wet_sand_0005.vtp\""), std::string::npos) << list;
+  EXPECT_NE(list.find("part=\"3\" name=\"wet_sand_2\""), std::string::npos) << list;
+  EXPECT_NE(bytes_of(folder_.file("run_wet_sand_0005.vtp")).find("Name=\"material\""), std::string::npos);
+  EXPECT_NE(bytes_of(folder_.file("run_wet_sand_0005.ply")).find("property int material\n"), std::string::npos);
+  const std::string usda = bytes_of(folder_.file("run.usda"));
+  EXPECT_NE(usda.find("def Mesh \"wet_sand\""), std::string::npos);
+  EXPECT_NE(usda.find("def Mesh \"wet_sand_2\""), std::string::npos);
+  EXPECT_NE(usda.find("int primvars:material = 2 ("), std::string::npos);
+}
+
+TEST_F(SurfacesOfTwoSands, NamesOfFilesDoNotLeaveTheFolder) {
+  points_.materials.names = {"", "../../etc/passwd", std::string(500, '.') + "\n"};
+  const auto surfaces = surfaces_of(points_, default_surface_settings(spacing), "frame 0");
+  EXPECT_EQ(surfaces[0].material, "______etc_passwd");
+  EXPECT_EQ(surfaces[1].material, std::string(60, '_'));
 }
 
 TEST_F(SurfaceFiles, FolderThatCannotBeMadeIsAnError) {

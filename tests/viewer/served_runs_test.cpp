@@ -129,6 +129,30 @@ TEST_F(View, FramesAreRangesOfBytes) {
   EXPECT_EQ(client.ask(root + "0/types").body, std::string(run.particle_count(), '\5'));
 }
 
+TEST_F(View, TwoMaterialsOfALawHaveTheirOwnColours) {
+  const std::string scene = made_->write("sands.json", R"({ "name": "sands", "domain": { "dx": 0.03125 }, "frames": 2,
+    "materials": { "wet": { "preset": "taichi_sand", "friction_angle": 20 }, "dry": { "preset": "taichi_sand" } },
+    "sources": [
+      { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.3, 0.3, 0.5], "material": "dry" },
+      { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [0.7, 0.3, 0.5], "material": "wet" } ] })");
+  ASSERT_EQ(graupel("simulate " + scene + " -o " + file("sands.h5") + " --device cpu").exit_code, 0);
+  const io::TrajectoryReader reader(file("sands.h5"));
+  const ParticleFrame start = reader.frames(0, 0, 1).front();
+  for (const std::string& shown : {file("sands.h5"), scene}) {
+    ViewProgram program({shown});
+    Client client(program.port());
+    const auto materials = side_of(client.ask(program.root() + "facts.json").body, 0).at("materials");
+    ASSERT_EQ(materials.size(), 2u);
+    EXPECT_EQ(materials[0].at("name"), "dry");
+    EXPECT_EQ(materials[1].at("name"), "wet");
+    EXPECT_NE(materials[0].at("color"), materials[1].at("color"));
+    const std::string bytes = client.ask(program.root() + "0/types").body;
+    ASSERT_EQ(bytes.size(), start.position.size());
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+      ASSERT_EQ(bytes[i], materials[start.position[i][0] < 0.5f ? 0 : 1].at("type").get<int>()) << i;
+  }
+}
+
 TEST_F(View, ASceneRunsAsSimulateDoes) {
   ViewProgram program({file("small.json"), "--device", "cpu"});
   Client client(program.port());

@@ -17,7 +17,7 @@ export function scaleBytes(name) {
 }
 export const gradient = (name) => `linear-gradient(90deg, ${scales[name].join(', ')})`;
 
-/** Colours by type, RGBA bytes. */
+/** Colours by the particles' bytes, RGBA bytes. */
 export function paletteBytes(materials) {
   const out = new Uint8Array(1024).fill(190);
   for (const m of materials) out.set([...m.color, 255], 4 * m.type);

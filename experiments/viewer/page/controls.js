@@ -194,7 +194,7 @@ function describeLegend(places) {
   legendKey = key;
   const legend = byId('legend'), row = (html, kind = '') => `<div class="${kind}">${html}</div>`;
   if (state.coloring === 'material') {
-    const all = new Map(runs.flatMap((run) => run.facts.materials.map((m) => [m.type, m])));
+    const all = new Map(runs.flatMap((run) => run.facts.materials.map((m) => [`${m.name} ${m.color}`, m])));
     legend.innerHTML = [...all.values()].map(() => row('<i></i><span></span>')).join('');
     [...all.values()].forEach((m, i) => {
       legend.children[i].firstChild.style.background = `rgb(${m.color})`;

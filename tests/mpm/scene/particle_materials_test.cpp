@@ -102,6 +102,27 @@ TEST(ParticleMaterials, OfOtherParticlesThanTheScenesAreNotGuessed) {
   EXPECT_THAT(refusal(scene, other), HasSubstr("another number of particles"));
 }
 
+TEST(ParticleMaterials, ThatTheFileKeepsNeedNoSampling) {
+  const Scene scene = three_materials();
+  Stored data = stored(scene, 7);
+  const SampledParticles sampled = sample_sources(scene, 7);
+  data.header.materials = kept_materials(scene, 7);
+  EXPECT_EQ(data.header.materials.names, (std::vector<std::string>{"hard", "soft", "water"}));
+  EXPECT_EQ(data.header.materials.index, sampled.material);
+  data.start[3][0] += 0.01f;
+  EXPECT_EQ(particle_materials(scene, data.header, data.start, ""), sampled.material);
+  data.header.materials.names = {"hard", "water", "soft"};  // another order than the scene's
+  auto& index = data.header.materials.index;
+  for (int32_t& i : index) i = i == 0 ? 0 : 3 - i;
+  EXPECT_EQ(particle_materials(scene, data.header, data.start, ""), sampled.material);
+  data.header.materials.names[0] = "hardest";
+  EXPECT_THAT(refusal(scene, data), HasSubstr("of the material 'hardest', which its scene lacks"));
+  Scene one = scene;
+  one.materials.erase("hard");
+  one.sources.erase(one.sources.begin() + 1);
+  EXPECT_TRUE(kept_materials(one, 7).empty());
+}
+
 TEST(ParticleMaterials, OfOtherProgramsDataMustBeTold) {
   Scene scene;
   MaterialConfig& sand = scene.materials["sand"];
