@@ -56,7 +56,7 @@ void read_all(const std::string& path) {
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::ios::failure&) {
-    if (in.eof()) throw graupel::FileIsCut();
+    if (!in.bad()) throw graupel::FileIsCut();  // a place before the file is no better than its end
   } catch (const std::exception&) {
   }
 }
