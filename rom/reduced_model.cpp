@@ -157,7 +157,7 @@ FactoredFields read_factored(const nn::Weights& weights, const ReducedModel& mod
 }
 
 ReducedKind read_reduced_kind(const nn::Weights& weights) {
-  const std::string& architecture = metadata(weights, "architecture");
+  const std::string architecture = metadata(weights, "architecture");
   for (const auto& [word, kind] : EnumWords<ReducedKind>::words)
     if (architecture == word) return kind;
   throw InputError("'" + weights.file + "' is no reduced-order model (architecture '" + architecture +

@@ -52,7 +52,7 @@ void expect_same_datasets(const Trajectory& a, const Trajectory& b) {
 pid_t start(const std::vector<std::string>& arguments) {
   const pid_t child = ::fork();
   if (child != 0) return child;
-  std::freopen("/dev/null", "w", stderr);
+  if (std::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(126);
   std::vector<char*> words;
   std::vector<std::string> all = {"graupel"};
   all.insert(all.end(), arguments.begin(), arguments.end());
@@ -174,7 +174,7 @@ TEST(RestartAfter, ASignalWhichSavesTheStateAndSaysHowToGoOn) {
     const std::string said = folder.file("said.txt");
     const pid_t child = ::fork();
     if (child == 0) {
-      std::freopen(said.c_str(), "w", stderr);
+      if (std::freopen(said.c_str(), "w", stderr) == nullptr) ::_exit(126);
       ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
               "100000", "--device", "cpu", "--threads", "1", "--save-state", state.c_str(), nullptr);
       ::_exit(127);

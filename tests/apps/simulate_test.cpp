@@ -51,7 +51,7 @@ TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
   ASSERT_EQ(graupel("simulate " + scene + " -o " + folder.file("whole.h5") + " --frames 40 --device cpu").exit_code, 0);
   const pid_t child = ::fork();
   if (child == 0) {
-    std::freopen("/dev/null", "w", stderr);
+    if (std::freopen("/dev/null", "w", stderr) == nullptr) ::_exit(126);
     ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
             "100000", "--device", "cpu", nullptr);
     ::_exit(127);
@@ -86,7 +86,7 @@ TEST(Simulate, InterruptExitsWith130) {
   const std::string said = folder.file("said.txt"), out = folder.file("a.h5");
   const pid_t child = ::fork();
   if (child == 0) {
-    std::freopen(said.c_str(), "w", stderr);
+    if (std::freopen(said.c_str(), "w", stderr) == nullptr) ::_exit(126);
     ::execl(GRAUPEL_BINARY_DIR "/graupel", "graupel", "simulate", scene.c_str(), "-o", out.c_str(), "--frames",
             "100000", "--device", "cpu", nullptr);
     ::_exit(127);

@@ -82,6 +82,7 @@ TEST_F(CompareRuns, AStoredTrajectoryIsTheTruth) {
   o.scenes = {folder_ + "/truth.h5"};
   o.frames = 5;
   o.floors = false;
+  o.device = "cpu";  // as run_mpm()
   io::TrajectoryWriter writer(o.scenes[0], truth);
   for (const ParticleFrame& frame : truth.frames) writer.append(frame);
   writer.finish();
@@ -164,6 +165,7 @@ TEST_F(CompareRuns, AStoredStreamIsATruth) {
   CompareOptions o = options({"mpm", "mpm:coarse"});
   o.scenes = {folder_ + "/truth.h5"};
   o.floors = false;
+  o.device = "cpu";  // as run_mpm()
   io::TrajectoryWriter writer(o.scenes[0], truth, {.active = true});
   for (const ParticleFrame& frame : truth.frames) writer.append(frame);
   writer.finish();
