@@ -74,9 +74,7 @@ void catch_stop_signals(StopPolicy policy) {
 
 int stop_signal() { return caught; }
 
-StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(policy_now) {
-  set_policy(policy);
-}
+StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(policy_now) { set_policy(policy); }
 
 StopPolicyScope::~StopPolicyScope() { set_policy(before_); }
 
