@@ -107,7 +107,7 @@ bool Batch::advance_frame(const std::function<bool()>& stop) {
 int64_t Batch::frames_done() const { return impl_->frames_done; }
 
 std::optional<std::string> Batch::divergence(std::size_t i) const {
-  const std::optional<std::string> reason = impl_->run->divergence(static_cast<int>(i));
+  std::optional<std::string> reason = impl_->run->divergence(static_cast<int>(i));
   if (!reason) return reason;
   return name_of(i, scene(i)) + ": " + *reason;
 }

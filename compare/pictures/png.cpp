@@ -2,7 +2,9 @@
 
 #include <png.h>
 
+#include <new>
 #include <stdexcept>
+#include <string_view>
 
 #include "core/system/error.h"
 
@@ -16,8 +18,10 @@ std::string encode_png(const Image& image) {
   header.format = PNG_FORMAT_RGB;
   png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(header);
   std::string bytes(size, '\0');
-  if (!png_image_write_to_memory(&header, bytes.data(), &size, 0, image.rgb.data(), 0, nullptr))
+  if (!png_image_write_to_memory(&header, bytes.data(), &size, 0, image.rgb.data(), 0, nullptr)) {
+    if (std::string_view(header.message).find("memory") != std::string_view::npos) throw std::bad_alloc();
     throw std::runtime_error(std::string("PNG encoding failed: ") + header.message);
+  }
   bytes.resize(size);
   return bytes;
 }

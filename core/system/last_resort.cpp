@@ -24,6 +24,7 @@ constexpr std::size_t reserve_bytes = std::size_t(2) << 20;
 
 char name[401], out_of_memory[600];
 std::atomic<bool> ran_out = false;
+std::atomic<int> blamed = 0;  ///< living BlameMemory
 /// Given back when memory runs out, so that what follows can close files and tell the user.
 std::atomic<void*> reserve = nullptr;
 struct sigaction before[std::size(signals)];
@@ -52,7 +53,7 @@ bool has_memory() {
 
 /// Only what a signal's handler may call.
 extern "C" void on_crash(int signal) {
-  if (ran_out || !has_memory()) end(out_of_memory);
+  if (ran_out || blamed > 0 || !has_memory()) end(out_of_memory);
   for (std::size_t i = 0; i < std::size(signals); ++i)
     if (signals[i] == signal) ::sigaction(signal, &before[i], nullptr);
   if (signal == SIGABRT) ::raise(signal);  // the others come again when the instruction is run again
@@ -106,6 +107,9 @@ void install_last_resort(const char* program, const char* remedy) {
   action.sa_handler = on_crash;
   for (std::size_t i = 0; i < std::size(signals); ++i) ::sigaction(signals[i], &action, &before[i]);
 }
+
+BlameMemory::BlameMemory() noexcept { ++blamed; }
+BlameMemory::~BlameMemory() { --blamed; }
 
 void note_out_of_memory() noexcept {
   ran_out = true;

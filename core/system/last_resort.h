@@ -9,6 +9,15 @@ namespace graupel {
 /// Other crashes stay as they are. Once a process; `program` and `remedy` have at most 400 bytes together.
 void install_last_resort(const char* program, const char* remedy);
 
+/// While one lives, a crash is laid to lack of memory: around calls of libraries in C that crash for nothing else.
+class BlameMemory {
+ public:
+  BlameMemory() noexcept;
+  ~BlameMemory();
+  BlameMemory(const BlameMemory&) = delete;
+  BlameMemory& operator=(const BlameMemory&) = delete;
+};
+
 /// Tells that a library in C had no memory (operator new tells it by itself).
 void note_out_of_memory() noexcept;
 

@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -84,7 +85,9 @@ int run_program(int argc, char** argv, const char* name, const char* description
     std::fprintf(stderr, "%s: %s%s\n", name, printable(error.what()).c_str(),
                  no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
+    const bool no_memory = std::string_view(error.what()).ends_with("malloc failed");  // NanoVDB's words
+    std::fprintf(stderr, "%s: %s\n", name,
+                 no_memory ? (std::string("out of memory. ") + less_memory).c_str() : printable(error.what()).c_str());
   }
   return static_cast<int>(ExitCode::failed);
 }

@@ -57,11 +57,8 @@ std::vector<std::string> file_names(const std::vector<std::string>& names) {
   return out;
 }
 
-struct Body {
-  int32_t particle_type;
-  std::optional<int32_t> index;  ///< in ParticleMaterials
-  auto operator<=>(const Body&) const = default;
-};
+/// A body's particle type, and its index in ParticleMaterials where there is one.
+using Body = std::pair<int32_t, std::optional<int32_t>>;
 
 /// Which particles are of each material.
 std::map<Body, std::vector<std::size_t>> bodies_of(const PointFrame& points) {
@@ -99,15 +96,16 @@ std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const Surface
   const std::vector<std::string> names = file_names(points.materials.names);
   std::vector<MaterialSurface> surfaces;
   for (const auto& [body, particles] : bodies_of(points)) {
+    const auto& [particle_type, index] = body;
     std::vector<Vec3f> position, velocity;
     for (const std::size_t i : particles) {
       position.push_back(points.position[i]);
       if (!points.velocity.empty()) velocity.push_back(points.velocity[i]);
     }
-    const std::string material = body.index.value_or(-1) >= 0 ? names[static_cast<std::size_t>(*body.index)]
-                                                              : particle_type_name(body.particle_type);
-    surfaces.push_back({material, body.particle_type, body.index,
-                        ParticleSurface(position, velocity, settings, where + ", " + material)});
+    const std::string material =
+        index.value_or(-1) >= 0 ? names[static_cast<std::size_t>(*index)] : particle_type_name(particle_type);
+    surfaces.push_back(
+        {material, particle_type, index, ParticleSurface(position, velocity, settings, where + ", " + material)});
   }
   return surfaces;
 }

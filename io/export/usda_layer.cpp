@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <vector>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -17,6 +18,15 @@ namespace {
 [[noreturn]] void fail_to_write(const std::string& path) {
   throw IoError("cannot write '" + path + "' (" + std::strerror(errno) +
                 "). Free space there or choose another folder");
+}
+
+/// `out << file.rdbuf()` would not tell of a write that fails after the first one.
+void append_file(const std::string& path, std::ofstream& out) {
+  std::ifstream in(path, std::ios::binary);
+  std::vector<char> block(std::size_t(1) << 16);
+  while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0)
+    out.write(block.data(), in.gcount());
+  if (!in.eof()) throw IoError("cannot read '" + path + "' again (" + std::strerror(errno) + "). Run the export again");
 }
 
 /// A stream that is ready; its failures are IoErrors of `path`.
@@ -123,8 +133,9 @@ void UsdaLayer::finish() {
       attribute.stream.close();
       if (!attribute.metadata.empty())
         out << "        " << attribute.declaration << " (\n            " << attribute.metadata << "\n        )\n";
-      out << "        " << attribute.declaration << ".timeSamples = {\n"
-          << std::ifstream(attribute.file.path(), std::ios::binary).rdbuf() << "        }\n";
+      out << "        " << attribute.declaration << ".timeSamples = {\n";
+      append_file(attribute.file.path(), out);
+      out << "        }\n";
     }
     out << "    }\n";
   }

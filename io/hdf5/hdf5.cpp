@@ -16,7 +16,8 @@ namespace {
 /// Turns off the library's own printing (kept per thread) and the loading of plugins. Its clean-up at exit is turned
 /// off too: every handle here closes itself, and HDF5 1.10 crashes there on a file that a full disk kept from closing.
 void prepare() {
-  H5dont_atexit();  // heeded only before the library's first other call
+  const BlameMemory blame;  // the library does not look whether it has memory when it starts
+  H5dont_atexit();          // heeded only before the library's first other call
   check(H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr), "cannot set up HDF5");
   check(H5PLset_loading_state(0), "cannot set up HDF5");
 }
@@ -48,7 +49,8 @@ herr_t collect_error(unsigned, const H5E_error2_t* error, void* out) {
     if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
       texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
     texts.no_memory = texts.no_memory || (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE) ||
-                      text.find("memory allocation failed") != std::string::npos;
+                      text.find("memory allocation failed") != std::string::npos ||
+                      text.find("ID type allocation failed") != std::string::npos;
     if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));
     return 0;
   });

@@ -72,7 +72,9 @@ struct TrajectoryWriter::Impl {
   void continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint);
   std::vector<hdf5::ChunkRow> filter_pending() const;
   void write_pending(const std::vector<hdf5::ChunkRow>& rows);
+  void append_forces(const FrameForces& forces);
   void flush();
+  void flush_if_due();
   void close_all(int64_t diverged_at_frame);
 
   /// Runs HDF5 calls; a failure becomes an IoError, after which the writer is of no more use.
@@ -240,8 +242,19 @@ void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
   const auto chunks = filter_pending();
   guarded(doing, [&] {
     write_pending(chunks);
-    if (written - flushed >= static_cast<hsize_t>(options.flush_every)) flush();
+    if (!contacts) flush_if_due();
   });
+}
+
+void TrajectoryWriter::Impl::append_forces(const FrameForces& forces) {
+  guarded("write forces to", [&] {
+    contacts->append(forces);
+    flush_if_due();  // with the frame's forces: a flushed frame has them
+  });
+}
+
+void TrajectoryWriter::Impl::flush_if_due() {
+  if (written - flushed >= static_cast<hsize_t>(options.flush_every)) flush();
 }
 
 /// The pending frames of every dataset, ready for the disk. Many writers do this at once.
@@ -299,7 +312,7 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
   if (!found) {
     start_new_file(header);
     append(checkpoint.recent.back());
-    if (contacts) guarded("write to", [&] { contacts->append(FrameForces(options.contacts.size())); });
+    if (contacts) append_forces(FrameForces(options.contacts.size()));
     return;
   }
   std::string aside;
@@ -308,7 +321,7 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
     hsize_t row = 0;
     copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) {
       append(frame);
-      if (contacts) guarded("write forces to", [&] { contacts->append(found->frames.contact_forces(row++)); });
+      if (contacts) append_forces(found->frames.contact_forces(row++));
     });
     guarded("write to", [&] { flush(); });
     found.reset();
@@ -366,7 +379,7 @@ void TrajectoryWriter::append(const ParticleFrame& frame) { impl_->append(frame)
 
 void TrajectoryWriter::append_forces(const std::vector<ContactForce>& forces) {
   GRAUPEL_ASSERT(!impl_->closed && impl_->contacts);
-  impl_->guarded("write forces to", [&] { impl_->contacts->append(forces); });
+  impl_->append_forces(forces);
 }
 
 const std::vector<ParticleFrame>& TrajectoryWriter::checkpoint() {

@@ -68,6 +68,8 @@ def main():
     options = parser.parse_args()
     most = (options.most, options.most) if options.most else ALL if options.all else QUICK
     kinds = (options.kinds or (",".join(faulty.KINDS) if options.all else "write,sync,rename")).split(",")
+    for kind in set(kinds) - set(faulty.KINDS):
+        parser.error(f"--kinds: '{kind}' (allowed: {', '.join(faulty.KINDS)})")
     training = os.path.exists(faulty.TRAIN)
     results, failed = {}, 0
     with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as place:

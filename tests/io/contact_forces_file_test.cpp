@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -77,6 +78,17 @@ TEST(StoredForces, OfAnUnfinishedFileAreRecovered) {
   const int64_t usable = recover_part_file(path, true);
   ASSERT_GE(usable, 8);
   expect_forces(path, usable);
+}
+
+/// What the disk holds then is what a kill, or a disk that is full from then on, leaves.
+TEST(StoredForces, AFlushedFrameHasThem) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), sample_header(particles), with_forces);
+  write_frames(writer, 0, 7);
+  std::filesystem::copy_file(folder.file("a.h5.part"), folder.file("b.h5.part"));
+  ASSERT_EQ(recover_part_file(folder.file("b.h5"), true), 8);
+  expect_forces(folder.file("b.h5"), 8);
+  writer.finish();
 }
 
 TEST(StoredForces, GoOnWhereTheSavedStateIs) {
