@@ -3,6 +3,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -103,8 +104,13 @@ void install_last_resort(const char* program, const char* remedy) {
   std::set_new_handler(on_failed_new);
   std::set_terminate(on_terminate);
   ::on_exit(on_library_exit, nullptr);
+  // HDF5 without memory reports an error of its reports, and so on to the end of the stack.
+  static std::array<char, std::size_t(64) << 10> spare_stack;
+  const stack_t stack{.ss_sp = spare_stack.data(), .ss_flags = 0, .ss_size = spare_stack.size()};
+  ::sigaltstack(&stack, nullptr);
   struct sigaction action {};
   action.sa_handler = on_crash;
+  action.sa_flags = SA_ONSTACK;
   for (std::size_t i = 0; i < std::size(signals); ++i) ::sigaction(signals[i], &action, &before[i]);
 }
 
