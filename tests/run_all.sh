@@ -37,8 +37,9 @@ check() { # NAME COMMAND...: status 77 says that it could not be tried
   rm -f "$log"
 }
 
-# Every fuzz target for a minute, two at once (docs/lab/fuzzing.md).
+# Every fuzz target for a minute, two at once (docs/lab/fuzzing.md): each commit has its own inputs, and always the same.
 check_new_inputs() {
+  export GRAUPEL_FUZZ_SEED=${GRAUPEL_FUZZ_SEED:-$((16#$(git rev-parse --short=7 HEAD | head -c 7)))}
   GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=1 build/fuzz_test --gtest_filter='*NewInputs*' &
   GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=0 build/fuzz_test --gtest_filter='*NewInputs*'
   local status=$?

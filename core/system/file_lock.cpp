@@ -48,8 +48,11 @@ std::optional<FileLock> FileLock::attempt(const std::string& path, LockKind kind
   return held;
 }
 
+/// Unlocked by name: closing alone leaves the lock to a process that was just forked and has not reached its exec.
 FileLock::~FileLock() {
-  if (descriptor_ >= 0) ::close(descriptor_);
+  if (descriptor_ < 0) return;
+  ::flock(descriptor_, LOCK_UN);
+  ::close(descriptor_);
 }
 
 bool FileLock::is_on(const std::string& path) const {

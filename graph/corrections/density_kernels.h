@@ -114,6 +114,23 @@ struct FindOpenFractions {
     solid.phi *= cells.inverse_spacing;
     return solid;
   }
+  /// Whether no surface comes near the faces of a cell: distances change by at most steepest_grid times the way, and a
+  /// cell beyond the band of all obstacles is at least a band away from them.
+  GRAUPEL_HD bool is_far_from_surfaces(const sparsegrid::SignedDistance<double>& centre) const {
+    return std::abs(centre.phi) >= 1.9 &&
+           (obstacles.count == 0 || obstacles.obstacles[0].exact.band >= 1.3 * cells.spacing);
+  }
+  /// Of the lower faces of the cell around `centre`, whose nearest surface is `here`.
+  GRAUPEL_HD void find_faces(const Vec3d& centre, const sparsegrid::SignedDistance<double>& here,
+                             float* fractions) const {
+    for (int d = 0; d < 3; ++d) {
+      Vec3d face = centre;
+      face[d] -= cells.spacing / 2;
+      Vec3d neighbor = centre;
+      neighbor[d] -= cells.spacing;
+      fractions[d] = stands_between(nearest(neighbor), here, d) ? 0 : open_face_fraction(nearest(face), d);
+    }
+  }
   GRAUPEL_HD void operator()(int64_t i) const {
     const auto n = static_cast<int32_t>(i);
     const Vec3i cell = {n % cells.size[0], n / cells.size[0] % cells.size[1], n / cells.size[0] / cells.size[1]};
@@ -121,13 +138,10 @@ struct FindOpenFractions {
     OpenFractions& open_fraction = open_fractions[i];
     const auto here = nearest(centre);
     open_fraction.cell = open_cell_fraction(here.phi);
-    for (int d = 0; d < 3; ++d) {
-      Vec3d face = centre;
-      face[d] -= cells.spacing / 2;
-      Vec3d neighbor = centre;
-      neighbor[d] -= cells.spacing;
-      open_fraction.face[d] = stands_between(nearest(neighbor), here, d) ? 0 : open_face_fraction(nearest(face), d);
-    }
+    if (is_far_from_surfaces(here))
+      for (float& face : open_fraction.face) face = here.phi > 0 ? 1 : 0;
+    else
+      find_faces(centre, here, open_fraction.face);
   }
 };
 

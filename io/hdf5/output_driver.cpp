@@ -57,8 +57,10 @@ H5FD_t* open(const char* name, unsigned flags, hid_t, haddr_t) {
   return &file->library;
 }
 
+/// Unlocked by name: a process that was just forked, by another thread, holds the descriptor and its lock until its exec.
 herr_t close(H5FD_t* pointer) {
   OutputFile* const file = &of(pointer);
+  ::flock(file->descriptor, LOCK_UN);
   if (::close(file->descriptor) != 0 && file->error == 0 && errno != EINTR) file->error = errno;
   error_when_closed = file->error;
   delete file;

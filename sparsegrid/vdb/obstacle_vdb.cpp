@@ -179,7 +179,7 @@ LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const st
     grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
   }
   clamp_to_band(*grid, band);
-  openvdb::tools::pruneInactive(grid->tree());
+  openvdb::tools::pruneLevelSet(grid->tree());  // pruneInactive() fills solids with the background, +band
   grid->setName(name);
   grid->setGridClass(openvdb::GRID_LEVEL_SET);
   LevelSetGrid out;

@@ -1,6 +1,9 @@
 #include "core/system/file_lock.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <filesystem>
@@ -53,6 +56,22 @@ TEST_F(FileLockTest, WaitingExcludesAndOutlivesTheRemovalOfTheFile) {
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(overlaps, 0);
   EXPECT_EQ(entered, 400);
+}
+
+/// Between fork and exec, as when another thread starts a program, a child has every descriptor.
+TEST_F(FileLockTest, AJustForkedChildDoesNotKeepTheLock) {
+  const std::string path = folder_ / "a";
+  pid_t child = 0;
+  {
+    const auto held = FileLock::attempt(path, LockKind::exclusive);
+    ASSERT_TRUE(held);
+    child = ::fork();
+    if (child == 0)
+      for (;;) ::pause();
+  }
+  EXPECT_TRUE(FileLock::attempt(path, LockKind::exclusive));
+  ::kill(child, SIGKILL);
+  ::waitpid(child, nullptr, 0);
 }
 
 TEST_F(FileLockTest, AFolderThatIsNotThereIsAnIoError) {

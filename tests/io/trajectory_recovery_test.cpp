@@ -132,6 +132,21 @@ TEST(Recovery, AFileThatIsStillWrittenIsLeftAlone) {
   EXPECT_EQ(TrajectoryReader(path).attribute(0, "recovered"), "");
 }
 
+/// The child of a fork, as when another thread starts a program, has the file's descriptor until its exec.
+TEST(Writer, FinishesWhileAChildWasJustForked) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  TrajectoryWriter writer(path, sample_header(3), {});
+  writer.append(sample_frame(3, 0));
+  const pid_t child = fork();
+  if (child == 0)
+    for (;;) pause();
+  EXPECT_NO_THROW(writer.finish());
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_TRUE(std::filesystem::exists(path));
+}
+
 TEST(Writer, ASecondOneOfTheSameFileIsRefusedAndTheFirstGoesOn) {
   TemporaryFolder folder;
   const std::string path = folder.file("a.h5"), other = folder.file("b.h5");

@@ -95,6 +95,24 @@ TEST(ObstacleSet, DeepInsideIsInside) {
   }
 }
 
+/// Blocks of the grid that lie beyond the band, but not so far that they were never sampled.
+TEST(ObstacleSet, ABallHasNoHolesBehindItsBand) {
+  Scene scene = scene_with({make_obstacle(Shape::sphere, {0.5, 0.5, 0.5})});
+  scene.obstacles[0].radius = 0.25;
+  scene.obstacle_voxel = 0.005;
+  scene.obstacle_band = 0.1;
+  const ObstacleSet set(scene);
+  const Random random(17, RandomPurpose::test);
+  int beyond = 0;
+  for (uint64_t i = 0; i < 20000; ++i) {
+    const Vec3d x = random_point(random, i, 0.3, 0.7);
+    const double depth = 0.25 - norm(x - scene.obstacles[0].position);
+    ASSERT_NEAR(set.sample(x).phi, -std::min(depth, 0.1), 0.006) << depth;
+    beyond += depth > 0.1;
+  }
+  EXPECT_GT(beyond, 3000);
+}
+
 TEST(ObstacleSet, PlaneHasNoBorder) {
   const Scene scene = scene_with({make_obstacle(Shape::plane, {0.5, 0.2, 0.5}, {0, 0, 1}, 30)});
   const ObstacleSet set(scene);

@@ -12,6 +12,7 @@
 #include "core/parallel/buffer.h"
 #include "core/system/error.h"
 #include "graph/corrections/density_cells.h"
+#include "graph/corrections/density_kernels.h"
 #include "graph/features/rest_density.h"
 #include "tests/gpu_only.h"
 #include "tests/graph/random_input.h"
@@ -386,6 +387,42 @@ TEST(RestDensity, IsThatOfTheSourcesOrOfTheStart) {
               1e-6 * rest);
   scene.sources[0].particles_per_cell = 1;  // a box around scattered matter
   EXPECT_NEAR(rest_density(scene, dense, spacing) / rest, 1, 0.05);
+}
+
+/// A turned box, a thin plate between cells, a ball that two of them meet in, with narrow bands and wide ones.
+TEST(DensityProjection, CellsFarFromSurfacesHaveTheFacesOfASearch) {
+  Scene scene = box_scene();
+  Obstacle ball, plate;
+  ball.shape = Shape::sphere;
+  ball.radius = 0.25;
+  ball.position = {0.4, 0.35, 0.5};
+  plate.shape = Shape::box;
+  plate.size = {0.6, 0.024, 0.4};
+  plate.position = {0.55, 0.6, 0.5};
+  plate.rotation_axis = {1, 0.2, 0.7};
+  plate.rotation_angle = 35;
+  scene.obstacles = {ball, plate};
+  const Environment environment(scene);
+  for (const double edge : {0.012, 0.02, 0.04}) {
+    const density::Cells cells = density::cells_over(environment.box_low, environment.box_high, edge, 0);
+    std::vector<density::OpenFractions> found(static_cast<std::size_t>(cells.count()));
+    const density::FindOpenFractions find{cells, environment.obstacles.view(Device::cpu), environment.box_low,
+                                          environment.box_high, found.data()};
+    int far = 0, wrong = 0;
+    for (int64_t i = 0; i < cells.count(); ++i) {
+      find(i);
+      const auto n = static_cast<int>(i);
+      const Vec3i cell = {n % cells.size[0], n / cells.size[0] % cells.size[1], n / cells.size[0] / cells.size[1]};
+      const Vec3d centre = cells.origin + (cell.cast<double>() + Vec3d::filled(0.5)) * cells.spacing;
+      const auto here = find.nearest(centre);
+      far += find.is_far_from_surfaces(here);
+      float faces[3];
+      find.find_faces(centre, here, faces);
+      for (int d = 0; d < 3; ++d) wrong += faces[d] != found[static_cast<std::size_t>(i)].face[d];
+    }
+    EXPECT_EQ(wrong, 0) << edge;
+    EXPECT_TRUE(edge > 0.03 || far > cells.count() / 4) << edge;
+  }
 }
 
 }  // namespace
