@@ -19,7 +19,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DATABASE = os.path.join(ROOT, "build", "tidy")
 MODULES = ["core", "nn", "io", "mpm", "validation", "graph", "sparsegrid", "rom", "hybrid", "compare", "train", "experiments",
            "library", "apps", "bench"]
-LARGEST_GROUP = 12
+LARGEST_GROUP = 24
 # Files that include OpenVDB take minutes each in clang-tidy 14; g++'s warnings cover them. nanobind comes with Python's
 # package alone.
 LEFT_OUT = re.compile(r'#include [<"](openvdb|nanobind|library/python)/')
@@ -50,9 +50,32 @@ def names_of(text):
 
 
 def options_of(command):
-    """The compiler's options without files, ccache and the compiler."""
-    options = shlex.split(re.sub(r" -o \S+ -c \S+", "", command))
-    return tuple(options[next(i for i, o in enumerate(options) if o.startswith("-")):])
+    """The compiler's options without files, ccache and the compiler, each with its argument, as tuples."""
+    words = shlex.split(re.sub(r" -o \S+ -c \S+", "", command))
+    words = words[next(i for i, word in enumerate(words) if word.startswith("-")):]
+    options = []
+    for word in words:
+        if word.startswith("-"):
+            options.append((word,))
+        else:
+            options[-1] += (word,)
+    return options
+
+
+def shared_options(files, commands):
+    """Options by file: files of one module for the same processor are read with the options of all of them. A file
+    without a command, as of CUDA's folders here, is read as the first of its module."""
+    key_of, shared = {}, {}
+    for file in files:
+        module = file.split("/")[0]
+        like = file if file in commands else next((f for f in sorted(commands) if f.startswith(module + "/")), None)
+        if like is None:
+            continue
+        options = options_of(commands[like])
+        key_of[file] = (module, tuple(o for o in options if o[0].startswith("-m")))
+        # A dictionary keeps the order of folders.
+        shared.setdefault(key_of[file], {}).update((o, None) for o in options if not o[0].startswith("-O"))
+    return {file: tuple(word for option in shared[key] for word in option) for file, key in key_of.items()}
 
 
 def includes_libtorch(file, known):
@@ -66,8 +89,8 @@ def includes_libtorch(file, known):
     return known[file]
 
 
-def groups_of(files, commands, with_libtorch):
-    """Lists of files that are read together; a file without a compile command of its own is alone."""
+def groups_of(files, options, with_libtorch):
+    """Lists of files that are read together; a file whose module has no compile commands is alone."""
     groups, alone, known = {}, [], {}
     for file in files:
         with open(os.path.join(ROOT, file), encoding="utf-8") as source:
@@ -80,10 +103,10 @@ def groups_of(files, commands, with_libtorch):
                 alone.append([file])
             continue
         names = names_of(text)
-        if file not in commands:
+        if file not in options:
             alone.append([file])
             continue
-        of_module = groups.setdefault((file.split("/")[0], options_of(commands[file])), [])
+        of_module = groups.setdefault((file.split("/")[0], options[file]), [])
         for members, taken in of_module:
             if len(members) < LARGEST_GROUP and not taken & names:
                 members.append(file)
@@ -99,7 +122,7 @@ def tidy(arguments):
     return done.returncode, done.stdout + done.stderr
 
 
-def lint(group, commands):
+def lint(group, options):
     """Findings in a group of files, "" for none."""
     if len(group) == 1:
         status, text = tidy(["-p", DATABASE, group[0]])
@@ -113,10 +136,10 @@ def lint(group, commands):
         for file in group:
             out.write(f'#include "{os.path.join(ROOT, file)}"  // NOLINT(bugprone-suspicious-include)\n')
     shown = f"--header-filter=.*/({'|'.join(MODULES)})/.*\\.(h|cpp)"
-    status, text = tidy([shown, unit, "--", *options_of(commands[group[0]])])
+    status, text = tidy([shown, unit, "--", *options[group[0]]])
     if "[clang-diagnostic-error]" in text:
         half = len(group) // 2
-        return lint(group[:half], commands) + lint(group[half:], commands)
+        return lint(group[:half], options) + lint(group[half:], options)
     return text if status != 0 else ""
 
 
@@ -127,9 +150,10 @@ def main():
     files = [f for f in listed.stdout.split() if f.endswith(".cpp")]
     with open(os.path.join(DATABASE, "compile_commands.json"), encoding="utf-8") as database:
         commands = {os.path.relpath(entry["file"], ROOT): entry["command"] for entry in json.load(database)}
-    groups = groups_of(files, commands, with_libtorch)
+    options = shared_options(files, commands)
+    groups = groups_of(files, options, with_libtorch)
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        texts = list(pool.map(lambda group: lint(group, commands), groups))
+        texts = list(pool.map(lambda group: lint(group, options), groups))
     findings = [text for text in texts if text]
     print("".join(findings), end="")
     print(f"{len(files)} files in {len(groups)} groups, {len(findings)} groups with findings")

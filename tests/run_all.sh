@@ -50,6 +50,13 @@ check_format() {
   git ls-files -- '*.h' '*.cpp' '*.cu' '*.cuh' | xargs clang-format --dry-run -Werror
 }
 if [ -z "$filter" ]; then
+  # Lint runs beside the checks that use one core, and is waited for after them.
+  if [ -e build/tidy/compile_commands.json ]; then
+    lint_log=$(mktemp)
+    nice /usr/bin/python3 tests/lint.py > "$lint_log" 2>&1 &
+    lint=$!
+    finish_lint() { local status=0; wait $lint || status=$?; cat "$lint_log"; rm -f "$lint_log"; return $status; }
+  fi
   check "format (clang-format)" check_format
   check "tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_test.py
   check "formats of tools/convert.py (unittest)" /usr/bin/python3 tests/tools/convert_formats_test.py
@@ -84,8 +91,8 @@ if [ -z "$filter" ]; then
   fi
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   check "documentation as web pages: links, search" ./run site
-  if [ -e build/tidy/compile_commands.json ]; then
-    check "lint (clang-tidy)" /usr/bin/python3 tests/lint.py
+  if [ -n "${lint:-}" ]; then
+    check "lint (clang-tidy), that it was waited for" finish_lint
   else
     skipped=$((skipped + 1))
     echo "skipped lint (clang-tidy): './run test' makes its compile commands"

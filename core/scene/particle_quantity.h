@@ -24,19 +24,9 @@ inline ParticleQuantity quantity_of(ParticleField field) {
 
 /// Numbers a particle.
 inline int components_of(ParticleQuantity quantity) {
-  switch (quantity) {
-    case ParticleQuantity::position:
-    case ParticleQuantity::velocity:
-      return 3;
-    case ParticleQuantity::stress:
-      return 6;
-    case ParticleQuantity::affine:
-    case ParticleQuantity::deformation_gradient:
-      return 9;
-    case ParticleQuantity::plastic:
-      break;
-  }
-  return 1;
+  for (const ParticleField field : all_particle_fields)
+    if (quantity_of(field) == quantity) return info_of(field).components;
+  return 3;
 }
 
 }  // namespace graupel

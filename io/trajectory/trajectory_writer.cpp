@@ -10,6 +10,7 @@
 #include "core/system/error.h"
 #include "io/hdf5/hdf5_dataset.h"
 #include "io/hdf5/output_driver.h"
+#include "io/trajectory/chunk_shape.h"
 #include "io/trajectory/contact_datasets.h"
 #include "io/trajectory/field_datasets.h"
 #include "io/trajectory/material_dataset.h"
@@ -23,12 +24,6 @@ namespace graupel::io {
 
 namespace {
 
-constexpr int64_t largest_chunk_bytes = int64_t(4) << 20;
-constexpr int64_t most_chunk_frames = 8;
-constexpr int64_t particle_bytes = sizeof(Vec3f);
-constexpr hsize_t time_chunk = 512;
-static_assert(sizeof(Vec3f) == 3 * sizeof(float));
-
 /// A dataset with one row a frame.
 struct FrameDataset {
   hdf5::Handle id;
@@ -41,7 +36,7 @@ struct FrameDataset {
 }  // namespace
 
 int64_t particle_frame_bytes(const TrajectoryWriteOptions& options) {
-  return particle_bytes * (options.velocity ? 2 : 1) + (options.active ? 1 : 0) +
+  return position_bytes * (options.velocity ? 2 : 1) + (options.active ? 1 : 0) +
          int64_t(sizeof(float)) * options.fields.components();
 }
 
@@ -61,8 +56,6 @@ struct TrajectoryWriter::Impl {
   void start(const Trajectory& header, hdf5::Handle empty_file);
   void start_new_file(const Trajectory& header);
   void write_header(const Trajectory& header);
-  void choose_chunks();
-  hsize_t chunk_particles(int64_t bytes) const;
   void add_dataset(const char* name, const char* units, const char* description, hdf5::Element element, int components,
                    std::function<const void*(const ParticleFrame&)> values);
   void add_datasets();
@@ -96,19 +89,6 @@ struct TrajectoryWriter::Impl {
   }
 };
 
-void TrajectoryWriter::Impl::choose_chunks() {
-  const int64_t frame_bytes = static_cast<int64_t>(particles) * particle_bytes;
-  const int64_t flush_every = std::max(options.flush_every, 1);
-  chunk_frames = static_cast<hsize_t>(
-      std::clamp<int64_t>(largest_chunk_bytes / frame_bytes, 1, std::min(most_chunk_frames, flush_every)));
-}
-
-/// Particles in a chunk of `bytes` a particle and frame; for small ones as for positions.
-hsize_t TrajectoryWriter::Impl::chunk_particles(int64_t bytes) const {
-  const int64_t fitting = largest_chunk_bytes / (static_cast<int64_t>(chunk_frames) * std::max(bytes, particle_bytes));
-  return std::min<hsize_t>(particles, static_cast<hsize_t>(fitting));
-}
-
 void TrajectoryWriter::Impl::add_dataset(const char* name, const char* units, const char* description,
                                          hdf5::Element element, int components,
                                          std::function<const void*(const ParticleFrame&)> values) {
@@ -121,7 +101,7 @@ void TrajectoryWriter::Impl::add_dataset(const char* name, const char* units, co
   std::vector<hsize_t> size = dataset.row;
   size.insert(size.begin(), 0);
   dataset.chunk = dataset.row;
-  dataset.chunk[0] = chunk_particles(bytes);
+  dataset.chunk[0] = particles_in_a_chunk(particles, chunk_frames, bytes);
   dataset.chunk.insert(dataset.chunk.begin(), chunk_frames);
   dataset.id = hdf5::create_dataset(group, name,
                                     {.element = element,
@@ -163,7 +143,7 @@ void TrajectoryWriter::Impl::write_header(const Trajectory& header) {
 }
 
 void TrajectoryWriter::Impl::start(const Trajectory& header, hdf5::Handle empty_file) {
-  choose_chunks();
+  chunk_frames = frames_in_a_chunk(particles, options.flush_every);
   file = std::move(empty_file);
   group = hdf5::create_group(file, trajectory_group(options.group));
   write_header(header);
@@ -204,14 +184,15 @@ void TrajectoryWriter::Impl::start_new_file(const Trajectory& header) {
 }
 
 void TrajectoryWriter::Impl::store_initial_velocity(const ParticleFrame& frame) {
-  hdf5::Handle dataset = hdf5::create_dataset(group, "initial_velocity",
-                                              {.element = hdf5::Element::float32,
-                                               .size = {particles, 3},
-                                               .chunk = {chunk_particles(particle_bytes), 3},
-                                               .deflate = options.deflate,
-                                               .checksum = true,
-                                               .units = "m/s",
-                                               .description = "Velocities in the first frame [particle, axis]"});
+  hdf5::Handle dataset =
+      hdf5::create_dataset(group, "initial_velocity",
+                           {.element = hdf5::Element::float32,
+                            .size = {particles, 3},
+                            .chunk = {particles_in_a_chunk(particles, chunk_frames, position_bytes), 3},
+                            .deflate = options.deflate,
+                            .checksum = true,
+                            .units = "m/s",
+                            .description = "Velocities in the first frame [particle, axis]"});
   hdf5::write_all(dataset, hdf5::Element::float32, frame.velocity.data());
   dataset.close("cannot write the initial velocities");
 }
