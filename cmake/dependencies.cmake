@@ -24,6 +24,8 @@ foreach(dir ${CMAKE_PREFIX_PATH} /usr)
 endforeach()
 set(OPENVDB_USE_STATIC_LIBS OFF)
 find_package(OpenVDB REQUIRED)
+# Expands the values of OpenVDB's files, which are packed by it.
+find_library(GRAUPEL_BLOSC blosc REQUIRED)
 
 # A BLAS with run-time dispatch makes the CPU inference faster; Eigen's own kernels serve without one.
 find_library(GRAUPEL_OPENBLAS NAMES openblas PATH_SUFFIXES openblas-openmp openblas-pthread)

@@ -69,7 +69,7 @@ if(GRAUPEL_SHARED)
   endforeach()
 endif()
 # Files are checked by processes of their own (core/system/checks/file_check.h): programs and users of the library find them.
-set(checkers graupel-check-hdf5 graupel-check-vdb)
+set(checkers graupel-check-hdf5 graupel-check-vdb graupel-check-vdb-library)
 install(TARGETS ${checkers} RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/graupel COMPONENT checkers)
 # Libraries outside of the system's folders (PyTorch's packages) are found where they were linked.
 set_target_properties(${programs} ${checkers} PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)

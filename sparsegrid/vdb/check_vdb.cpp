@@ -1,82 +1,22 @@
-// graupel-check-vdb: has OpenVDB read all grids of a file, in a process that may end (core/system/checks/file_check.h).
-// openvdb::io::File goes on with whatever its variables hold where a file ends early; the streams here throw.
-#include <openvdb/io/Archive.h>
-#include <openvdb/io/GridDescriptor.h>
-#include <openvdb/io/Stream.h>
-#include <openvdb/openvdb.h>
-#include <tbb/global_control.h>
-
-#include <cstdlib>
+// graupel-check-vdb: passes files that are plainly good (sparsegrid/vdb/plain_vdb.h), and leaves all others to
+// graupel-check-vdb-library, which takes this process's place.
 #include <fstream>
-#include <mutex>
-#include <new>
+#include <iterator>
+#include <string>
 
 #include "core/system/checks/file_check_child.h"
+#include "sparsegrid/vdb/plain_vdb.h"
 
 namespace {
 
-/// As the program does: where the file says that its grids begin and end, which a stream does not ask. A grid that is
-/// refused does not keep the program from the next.
-class GridsByPlace : public openvdb::io::Archive {
- public:
-  explicit GridsByPlace(std::istream& in) {
-    openvdb::SharedPtr<openvdb::io::StreamMetadata> settings(new openvdb::io::StreamMetadata);
-    settings->setSeekable(true);
-    openvdb::io::setStreamMetadataPtr(in, settings, /*transfer=*/false);
-    readHeader(in);
-    if (!inputHasGridOffsets()) return;
-    setFormatVersion(in);
-    setLibraryVersion(in);
-    setDataCompression(in);
-    openvdb::MetaMap().readMeta(in);
-    for (int32_t left = readGridCount(in); left > 0; --left) {
-      openvdb::io::GridDescriptor descriptor;
-      const openvdb::GridBase::Ptr grid = descriptor.read(in);
-      try {
-        descriptor.seekToGrid(in);
-        readGrid(grid, descriptor, in);
-      } catch (const std::bad_alloc&) {
-        throw;
-      } catch (const std::ios::failure&) {
-        throw;
-      } catch (const std::exception&) {
-      }
-      descriptor.seekToEnd(in);
-    }
-  }
-};
-
-/// What is refused in one order the program may not come to in another.
-template <typename Grids>
-void read_all(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  in.exceptions(std::ios::failbit | std::ios::badbit);
-  try {
-    const Grids grids(in);
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const std::ios::failure&) {
-    if (!in.bad()) throw graupel::FileIsCut();  // a place before the file is no better than its end
-  } catch (const std::exception&) {
-  }
-}
-
-struct GridsInOrder : openvdb::io::Stream {
-  explicit GridsInOrder(std::istream& in) : Stream(in, /*delayLoad=*/false) {}
-};
-
 void read_file(const std::string& path) {
-  static std::once_flag once;
-  std::call_once(once, [] { openvdb::initialize(); });
-  read_all<GridsInOrder>(path);
-  read_all<GridsByPlace>(path);
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  std::string bytes(in ? static_cast<std::size_t>(in.tellg()) : 0, '\0');
+  in.seekg(0);
+  in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  if (!in || !graupel::sparsegrid::is_plain_vdb(bytes)) throw graupel::FileIsUndecided();
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  setenv("OPENVDB_DISABLE_DELAYED_LOAD", "1", 1);
-  // The stacks of a machine's many threads would not fit into the memory that a small file may take.
-  const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
-  return graupel::run_checker(argc, argv, read_file);
-}
+int main(int argc, char** argv) { return graupel::run_checker(argc, argv, read_file, "graupel-check-vdb-library"); }

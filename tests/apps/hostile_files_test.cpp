@@ -145,6 +145,21 @@ TEST(HostileFiles, GridsOfAVdbFileAreCheckedWhereTheProgramReadsThem) {
   expect_no_vdb(folder, with(good + std::string("\xff\xff\xff\x7f", 4), places + 16, uint64_t(good.size())));
 }
 
+TEST(HostileFiles, WhatOneCheckerCannotTellIsRefusedWithoutTheOther) {
+  const Folder folder;
+  const std::string good = bytes_of(good_vdb(folder)), checker = "graupel-check-vdb";
+  folder.write("longer.vdb", good + '\0');
+  std::filesystem::copy(std::string(GRAUPEL_BINARY_DIR "/") + checker, folder.file(checker));
+  const auto inspect = [&](const std::string& name) {
+    return run_program("/usr/bin/env", "GRAUPEL_CHECKERS=" + folder.file("") +
+                                           " " GRAUPEL_BINARY_DIR "/graupel inspect " + folder.file(name));
+  };
+  EXPECT_EQ(inspect("good.vdb").exit_code, 0);
+  EXPECT_EQ(inspect("longer.vdb").exit_code, 3);
+  std::filesystem::copy(std::string(GRAUPEL_BINARY_DIR "/") + checker + "-library", folder.file(checker + "-library"));
+  EXPECT_EQ(inspect("longer.vdb").exit_code, 0);
+}
+
 TEST(HostileFiles, APipeIsNoTrajectory) {
   const Folder folder;
   const std::string pipe = folder.file("pipe.h5");

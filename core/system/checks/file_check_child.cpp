@@ -9,8 +9,12 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <new>
+#include <optional>
+#include <vector>
 
 namespace graupel {
 
@@ -59,21 +63,35 @@ void limit_memory(uint64_t bytes) {
   limit(RLIMIT_AS, pages * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE)) + bytes);
 }
 
-CheckAnswer check(const std::string& path, const CheckRequest& request, const FileWalk& walk) {
+/// No answer: undecided.
+std::optional<CheckAnswer> check(const std::string& path, const CheckRequest& request, const FileWalk& walk) {
   limit_memory(request.memory);
   start_clock(request.seconds);
-  CheckAnswer answer = CheckAnswer::passed;
+  std::optional<CheckAnswer> answer = CheckAnswer::passed;
   try {
     walk(path);
   } catch (const std::bad_alloc&) {
     answer = CheckAnswer::no_memory;
   } catch (const FileIsCut&) {
     answer = CheckAnswer::cut;
+  } catch (const FileIsUndecided&) {
+    answer = std::nullopt;
   } catch (const std::exception&) {  // refused: the reader will say so
   }
   stop_clock();
   limit(RLIMIT_AS, RLIM_INFINITY);
   return answer;
+}
+
+/// The program of that name in this one's folder takes the place of this process, which keeps its input and limits.
+[[noreturn]] void become(const std::string& name, const std::vector<std::string>& arguments) {
+  std::error_code code;
+  std::string program = (std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / name).string();
+  std::vector<char*> words = {program.data()};
+  for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
+  words.push_back(nullptr);
+  ::execv(program.c_str(), words.data());
+  ::_exit(check_is_not_whole);
 }
 
 /// False at the end of the input.
@@ -88,37 +106,71 @@ bool receive(void* to, std::size_t size) {
   return true;
 }
 
-int answer_requests(const FileWalk& walk) {
-  CheckRequest request;
-  while (receive(&request, sizeof request)) {
-    if (request.path_length > longest_checked_path) return 2;
-    std::string path(request.path_length, '\0');
-    if (!receive(path.data(), path.size())) return 2;
-    const auto answer = static_cast<char>(check(path, request, walk));
-    if (::send(STDIN_FILENO, &answer, 1, MSG_NOSIGNAL) != 1) return 0;
+constexpr const char* asked = "--asked";  ///< before memory, seconds and path of a request
+
+class Checker {
+ public:
+  Checker(const FileWalk& walk, const std::string& thorough) : walk_(walk), thorough_(thorough) {}
+
+  int answer_requests() const {
+    CheckRequest request;
+    while (receive(&request, sizeof request)) {
+      if (request.path_length > longest_checked_path) return 2;
+      std::string path(request.path_length, '\0');
+      if (!receive(path.data(), path.size())) return 2;
+      if (!answer(path, request)) return 0;
+    }
+    return 0;
   }
-  return 0;
-}
+
+  /// False when nobody listens.
+  bool answer(const std::string& path, const CheckRequest& request) const {
+    const auto found = check(path, request, walk_);
+    if (!thorough_.empty() && found != CheckAnswer::passed)
+      become(thorough_, {asked, std::to_string(request.memory), std::to_string(request.seconds), path});
+    const auto letter = static_cast<char>(found.value_or(CheckAnswer::passed));
+    return ::send(STDIN_FILENO, &letter, 1, MSG_NOSIGNAL) == 1;
+  }
+
+  int check_files(const std::vector<std::string>& files) const {
+    bool all_passed = true;
+    for (auto file = files.begin(); file != files.end(); ++file) {
+      const auto found = check(*file, {.memory = uint64_t(1) << 30, .seconds = 60, .path_length = 0}, walk_);
+      const bool passed = found.value_or(CheckAnswer::passed) == CheckAnswer::passed;
+      if (!thorough_.empty() && found != CheckAnswer::passed) {
+        std::fflush(stdout);
+        become(thorough_, {file, files.end()});
+      }
+      std::printf("%s: %s\n", file->c_str(),
+                  passed                      ? "read to its end"
+                  : found == CheckAnswer::cut ? "ends in the middle"
+                                              : "needs more than 1 GiB of memory");
+      all_passed = all_passed && passed;
+    }
+    return all_passed ? 0 : 3;
+  }
+
+ private:
+  const FileWalk& walk_;
+  const std::string& thorough_;
+};
 
 }  // namespace
 
-int run_checker(int argc, char** argv, const FileWalk& walk) {
+int run_checker(int argc, char** argv, const FileWalk& walk, const std::string& thorough) {
   parent = ::getppid();
   limit(RLIMIT_CORE, 0);
   limit(RLIMIT_FSIZE, 0);
   limit(RLIMIT_NOFILE, 32);
-  if (argc < 2) return answer_requests(walk);
-  bool all_passed = true;
-  for (int i = 1; i < argc; ++i) {
-    const CheckAnswer answer = check(argv[i], {.memory = uint64_t(1) << 30, .seconds = 60, .path_length = 0}, walk);
-    const bool passed = answer == CheckAnswer::passed;
-    std::printf("%s: %s\n", argv[i],
-                passed                       ? "read to its end"
-                : answer == CheckAnswer::cut ? "ends in the middle"
-                                             : "needs more than 1 GiB of memory");
-    all_passed = all_passed && passed;
+  const Checker checker(walk, thorough);
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  if (words.size() == 4 && words[0] == asked) {
+    const CheckRequest request = {.memory = std::strtoull(words[1].c_str(), nullptr, 10),
+                                  .seconds = static_cast<uint32_t>(std::strtoul(words[2].c_str(), nullptr, 10)),
+                                  .path_length = 0};
+    return checker.answer(words[3], request) ? checker.answer_requests() : 0;
   }
-  return all_passed ? 0 : 3;
+  return words.empty() ? checker.answer_requests() : checker.check_files(words);
 }
 
 }  // namespace graupel

@@ -20,17 +20,21 @@ inline constexpr uint32_t longest_checked_path = 1 << 16;
 /// What the child answers: a byte.
 enum class CheckAnswer : char { passed = 'p', no_memory = 'm', cut = 'c' };
 /// Exit codes of a child that ends in the middle.
-inline constexpr int check_out_of_time = 124, check_parent_is_gone = 125;
+inline constexpr int check_out_of_time = 124, check_parent_is_gone = 125, check_is_not_whole = 126;
 
 /// The file ends in the middle of what it says that it holds, which the library does not notice.
 struct FileIsCut : std::exception {};
 
+/// This checker cannot tell whether the library comes through the file; the thorough one can.
+struct FileIsUndecided : std::exception {};
+
 /// Reads all of a file that a reader of Graupel may ask for, and changes nothing. Throws std::bad_alloc where the
-/// library lacked memory, and FileIsCut; what the library refuses by itself is no matter.
+/// library lacked memory, FileIsCut and FileIsUndecided; what the library refuses by itself is no matter.
 using FileWalk = std::function<void(const std::string& path)>;
 
 /// The main function of a checker: answers requests until its input ends. With files as arguments it checks these and
-/// prints a line for each.
-int run_checker(int argc, char** argv, const FileWalk& walk);
+/// prints a line for each. From the first file on that its walk does not pass, the program `thorough` in its folder
+/// takes the place of this one, if there is a name.
+int run_checker(int argc, char** argv, const FileWalk& walk, const std::string& thorough = {});
 
 }  // namespace graupel
