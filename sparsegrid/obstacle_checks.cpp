@@ -18,6 +18,12 @@ constexpr double block = 8;                     ///< voxels along an edge of a l
 constexpr double leaf_bytes = 2144;             ///< of NanoVDB, floats
 constexpr double tree_bytes = 2.2e6;            ///< of the upper nodes: eight meet at the origin of a body
 
+std::string short_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
 /// Leaves that hold the band around a surface: it is as thick as the band and a leaf. Of a small body they are those of
 /// its box.
 double leaves_of(const LocalBox& box, double area, double voxel, double band) {
@@ -94,8 +100,8 @@ void check_level_set_size(const std::string& name, const std::string& what, cons
                           double width) {
   const double voxels = surface.area / (voxel * voxel) * (2 * width + 1);
   if (!(voxels <= most_voxels) || !(surface.extent / voxel <= largest_coordinate))
-    throw ConfigError(name + ": " + what + " is too large for its grid (about " + std::to_string(voxels / 1e6) +
-                      " million voxels of " + std::to_string(voxel) +
+    throw ConfigError(name + ": " + what + " is too large for its grid (about " + short_number(voxels / 1e6) +
+                      " million voxels of " + short_number(voxel) +
                       " m, at most 67 million, coordinates within 2^21 of them). Choose a larger obstacle_voxel, a "
                       "smaller obstacle_band or another scale");
 }

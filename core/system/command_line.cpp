@@ -239,8 +239,10 @@ CommandOption Command::option(const std::string& name, int64_t& value, const std
   return CommandOption(app_->add_option(name, value, text));
 }
 
+/// CLI11 takes -1 for the largest number, and larger ones for it too.
 CommandOption Command::option(const std::string& name, uint64_t& value, const std::string& text) const {
-  return CommandOption(app_->add_option(name, value, text));
+  const ValueCheck whole = number_check<uint64_t>([](uint64_t) { return true; }, "a whole number, 0 to 2^64 - 1");
+  return CommandOption(app_->add_option(name, value, text)).check(whole);
 }
 
 CommandOption Command::option(const std::string& name, double& value, const std::string& text) const {

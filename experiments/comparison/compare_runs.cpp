@@ -19,6 +19,7 @@
 #include "core/system/standard_output.h"
 #include "experiments/comparison/compare_scene.h"
 #include "experiments/comparison/fairness.h"
+#include "experiments/process/json_text.h"
 #include "experiments/process/process.h"
 #include "io/trajectory/input_files.h"
 #include "mpm/memory_need.h"
@@ -155,6 +156,9 @@ std::string file_of(const std::string& model) {
 }
 
 void check_outputs(const CompareOptions& options) {
+  for (const std::string& model : options.models)
+    if (model.empty() || model.starts_with("--"))
+      throw ConfigError("'" + model + "' is not a model. Example: --models mpm,models/hgn.safetensors");
   for (const std::string& file : {options.json, options.csv, options.report, options.write_floors})
     check_output_file(file);
   check_output_folder(options.pictures);
@@ -183,7 +187,8 @@ void write_pictures(const compare::Comparison& comparison, const std::string& fo
 }
 
 void write_files(const compare::Comparison& comparison, const CompareOptions& options) {
-  if (!options.json.empty()) write_file_atomically(options.json, compare::comparison_json(comparison).dump(1) + "\n");
+  if (!options.json.empty())
+    write_file_atomically(options.json, json_text(compare::comparison_json(comparison), 1) + "\n");
   if (!options.csv.empty()) write_file_atomically(options.csv, compare::comparison_csv(comparison));
   if (!options.report.empty()) write_file_atomically(options.report, compare::report_html(comparison));
   if (!options.pictures.empty()) write_pictures(comparison, options.pictures);

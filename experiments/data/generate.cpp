@@ -41,6 +41,7 @@ void generate(GenerateOptions& options) {
   const std::string folder = options.set.folder + "/";
   io::check_inputs_kept({{"the recipe", options.scenes.recipe}},
                         {{"--json", options.common.json},
+                         {"the output's folder", options.set.folder},
                          {"the output", folder + "dataset.json"},
                          {"the output", folder + "metadata.json"},
                          {"the output", folder + "redrawn.jsonl"},

@@ -126,6 +126,7 @@ class PictureSink : public Sink {
           fmt::format("pictures of {} x {} pixels cannot be a film (allowed: even numbers). Change --width "
                       "or --height",
                       request.width, request.height));
+    if (request.format != "png") check_film_program(request.format);
     io::prepare_export(target);
     if (request.format != "png")
       film_ = std::make_unique<Film>(target.folder + "/" + target.name + "." + request.format, request.format,

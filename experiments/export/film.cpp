@@ -55,11 +55,14 @@ std::string last_line(const std::string& file) {
 
 }  // namespace
 
-Film::Film(const std::string& path, const std::string& format, double rate, int width, int height)
-    : path_(path), part_(path + ".part"), log_(path + ".log.part") {
+void check_film_program(const std::string& format) {
   if (!is_installed("ffmpeg"))
     throw ConfigError("a film (." + format + ") is made by ffmpeg, which is not in PATH. Install it (Debian: apt-get " +
                       "install ffmpeg), or choose --format png for single pictures");
+}
+
+Film::Film(const std::string& path, const std::string& format, double rate, int width, int height)
+    : path_(path), part_(path + ".part"), log_(path + ".log.part") {
   std::vector<std::string> words = {"-nostdin", "-hide_banner", "-loglevel", "error", "-y"};
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   for (const std::string& word :

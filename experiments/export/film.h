@@ -10,11 +10,14 @@
 
 namespace graupel::experiments {
 
+/// Throws ConfigError where the program that makes films (mp4, gif) is not installed.
+void check_film_program(const std::string& format);
+
 /// A film that grows by a picture at a time, in the order of the pictures.
 class Film {
  public:
   /// `format` is mp4 (H.264) or gif, `rate` the pictures a second, from 1 to 240; all pictures have this size, which is
-  /// even along both edges. Throws ConfigError where ffmpeg is not installed.
+  /// even along both edges.
   Film(const std::string& path, const std::string& format, double rate, int width, int height);
   /// Leaves nothing behind unless finish() was called.
   ~Film();

@@ -34,7 +34,7 @@ Json recover(const std::string& file, const InspectOptions& options) {
 }
 
 std::string on_one_line(std::string text) {
-  text = printable(std::move(text));
+  text = printable(text);
   std::replace(text.begin(), text.end(), '\n', '?');
   return text;
 }

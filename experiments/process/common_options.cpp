@@ -7,6 +7,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/output_files.h"
 #include "core/system/standard_output.h"
+#include "experiments/process/json_text.h"
 
 namespace graupel::experiments {
 
@@ -45,7 +46,7 @@ Device CommonOptions::apply() {
 }
 
 void CommonOptions::write_json(const nlohmann::ordered_json& result) const {
-  if (!json.empty()) write_file_atomically(json, result.dump(2) + "\n");
+  if (!json.empty()) write_file_atomically(json, json_text(result, 2) + "\n");
 }
 
 }  // namespace graupel::experiments

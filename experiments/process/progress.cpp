@@ -9,8 +9,8 @@
 
 namespace graupel::experiments {
 
-Progress::Progress(std::string label, int64_t total)
-    : label_(printable(std::move(label))),
+Progress::Progress(const std::string& label, int64_t total)
+    : label_(printable(label)),
       total_(total),
       terminal_(::isatty(STDERR_FILENO) == 1),
       start_(Clock::now()),

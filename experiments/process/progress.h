@@ -12,7 +12,7 @@ namespace graupel::experiments {
 class Progress {
  public:
   /// Shows nothing when `total` is 0.
-  Progress(std::string label, int64_t total);
+  Progress(const std::string& label, int64_t total);
   /// Ends the line of work that was not done.
   ~Progress();
   Progress(const Progress&) = delete;

@@ -62,6 +62,15 @@ io::SavedRun take_saved_run(SimulateOptions& options) {
   return saved;
 }
 
+/// The scene and the geometry that it names.
+std::vector<NamedFile> inputs_of(const SimulateOptions& options, const Scene& scene) {
+  std::vector<NamedFile> inputs = {{"the scene", options.scene}};
+  for (const Obstacle& obstacle : scene.obstacles) inputs.push_back({"the geometry", obstacle.file});
+  for (const Source& source : scene.sources) inputs.push_back({"the geometry", source.file});
+  for (const Emitter& emitter : scene.emitters) inputs.push_back({"the geometry", emitter.file});
+  return inputs;
+}
+
 /// A state may be replaced by a later one of its run, and by nothing else.
 void check_outputs(const SimulateOptions& options, const Scene& scene) {
   check_library_output(options.output);
@@ -73,11 +82,7 @@ void check_outputs(const SimulateOptions& options, const Scene& scene) {
                                          {"--json", options.common.json}};
   std::vector<NamedFile> all = others;
   all.push_back({"--save-state", options.save_state});
-  std::vector<NamedFile> inputs = {{"the scene", options.scene}};
-  for (const Obstacle& obstacle : scene.obstacles) inputs.push_back({"the geometry", obstacle.file});
-  for (const Source& source : scene.sources) inputs.push_back({"the geometry", source.file});
-  for (const Emitter& emitter : scene.emitters) inputs.push_back({"the geometry", emitter.file});
-  check_apart(inputs, all);
+  check_apart(inputs_of(options, scene), all);
   check_apart({{"the state", options.resume}}, others);
 }
 
@@ -108,7 +113,9 @@ void simulate(SimulateOptions& options) {
       saved ? scene_of(*saved, options.resume, options.scene, options.set) : io::read_scene(options.scene, options.set);
   const auto simulation = simulation_options(options, scene, device);
   if (options.dry_run) {
-    check_apart({{"the scene", options.scene}, {"the state", options.resume}}, {{"--json", options.common.json}});
+    std::vector<NamedFile> inputs = inputs_of(options, scene);
+    inputs.push_back({"the state", options.resume});
+    check_apart(inputs, {{"--json", options.common.json}});
     return print_run_estimate(options, scene, simulation);
   }
   if (options.output.empty()) options.output = default_output(scene);

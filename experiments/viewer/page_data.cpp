@@ -8,6 +8,7 @@
 #include "compare/metrics/particle_run.h"
 #include "compare/pictures/raster.h"
 #include "core/scene/material_config.h"
+#include "experiments/process/json_text.h"
 #include "experiments/viewer/body_mesh.h"
 
 namespace graupel::experiments {
@@ -104,15 +105,12 @@ void append(std::string& bytes, const T& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
-/// Names of files may hold bytes that are no UTF-8.
-std::string text_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
 }  // namespace
 
 std::string facts_json(const Sources& sides) {
   Json all = Json::array();
   for (const auto& source : sides) all.push_back(side_facts(source->facts()));
-  return text_of({{"sides", all}});
+  return json_text(Json({{"sides", all}}));
 }
 
 std::string status_json(const Sources& sides) {
@@ -125,7 +123,7 @@ std::string status_json(const Sources& sides) {
                    {"message", status.message},
                    {"frame_seconds", status.frame_seconds}});
   }
-  return text_of({{"sides", all}});
+  return json_text(Json({{"sides", all}}));
 }
 
 std::string type_bytes(const RunFacts& facts) {

@@ -23,7 +23,8 @@ struct StateSpeeds {
 double largest_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds);
 
 /// Step to take with `left` seconds of the frame to go: equal shares of the rest, so that no sliver remains.
-/// Throws DivergedError when the frame would need over a million steps.
+/// Throws DivergedError when the frame would need over a million steps, ConfigError where the policy's courant number
+/// or largest step is the reason.
 double next_step(const TimeStep& policy, double dx, double frame_time, const StateSpeeds& speeds, double left);
 
 /// Throws ConfigError when a fixed step lets a scripted body or an emitted particle of `speed` [m/s] cross over one

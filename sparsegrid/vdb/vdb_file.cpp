@@ -11,6 +11,7 @@
 
 #include "core/system/checks/file_check.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "sparsegrid/obstacle_checks.h"
 #include "sparsegrid/vdb/vdb_grids.h"
 
@@ -27,9 +28,8 @@ constexpr int64_t max_extent = int64_t(1) << 21;  ///< voxels along an axis of a
 
 /// Exception text that came from a file: bounded, printable.
 std::string tame(const std::string& text) {
-  std::string out = text.substr(0, 200);
-  std::replace_if(
-      out.begin(), out.end(), [](unsigned char c) { return c < 32; }, ' ');
+  std::string out = printable(text.substr(0, 200));
+  std::replace(out.begin(), out.end(), '\n', ' ');
   return out;
 }
 

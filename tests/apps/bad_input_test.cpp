@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "core/parallel/device.h"
+#include "core/system/atomic_file.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {
@@ -122,6 +123,25 @@ TEST(BadInput, NumbersOutOfRangeAreAnsweredInOneLine) {
   const Outcome threads = graupel("demo --threads -5");
   EXPECT_EQ(threads.exit_code, 2);
   EXPECT_TRUE(threads.says("0 to 4096")) << threads.output;
+}
+
+TEST(BadInput, SeedsAreWholeNumbers) {
+  for (const char* seed : {"-1", "1.5", "18446744073709551616", "x"}) {
+    const Outcome outcome = graupel("simulate scenes/shared/water_steps.json --dry-run --seed " + std::string(seed));
+    EXPECT_EQ(outcome.exit_code, 2) << seed;
+    EXPECT_TRUE(outcome.says("0 to 2^64 - 1")) << outcome.output;
+  }
+  EXPECT_EQ(graupel("simulate scenes/shared/water_steps.json --dry-run --seed 18446744073709551615").exit_code, 0);
+}
+
+/// Names of files are bytes; JSON is UTF-8.
+TEST(BadInput, NamesOfFilesThatAreNoTextGetTheirJson) {
+  const Folder folder;
+  const std::string json = folder.file("a.json");
+  const Outcome outcome =
+      graupel("simulate scenes/shared/water_steps.json --frames 0 -o '" + folder.file("o\xff.h5") + "' --json " + json);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_NE(read_file(json).find("o\xef\xbf\xbd.h5"), std::string::npos);
 }
 
 TEST(BadInput, VerbsTakeTheFlagsThatMeanSomething) {

@@ -123,6 +123,7 @@ TEST_F(ExportVerb, WithoutFfmpegAFilmSaysWhatToInstall) {
   EXPECT_TRUE(outcome.says("ffmpeg, which is not in PATH. Install it (Debian: apt-get install ffmpeg)"))
       << outcome.output;
   EXPECT_TRUE(outcome.says("--format png")) << outcome.output;
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("out")));
 }
 
 TEST_F(ExportVerb, AnFfmpegThatFailsIsAnErrorAndLeavesNothing) {

@@ -44,8 +44,7 @@ TEST_F(Outputs, OfSimulate) {
     expect_refused(simulate + run + " --json " + folder_.file(name));
     expect_refused(simulate + run + " --save-state " + folder_.file(name));
     expect_refused(simulate + run + " --write-obstacles " + folder_.file(name));
-    expect_refused("simulate " + scene_ + " --dry-run --json " +
-                   folder_.file(name == std::string("bowl.obj") ? "scene.json" : name));
+    expect_refused("simulate " + scene_ + " --dry-run --json " + folder_.file(name));
   }
   expect_refused(simulate + run + " --json " + run);
   expect_refused(simulate + run + " --json " + run + ".part");
@@ -98,6 +97,7 @@ TEST_F(Outputs, OfTheOtherVerbs) {
   for (const std::string& input : {recipe, scene_, mesh_})
     expect_refused("generate " + recipe + " -o " + folder_.file("d") + " --json " + input);
   EXPECT_EQ(text_of(recipe), recipe_text);
+  expect_refused("generate " + recipe + " -o " + folder_.file("d") + " --json " + folder_.file("d"));
 }
 
 TEST_F(Outputs, OfBench) {
@@ -130,6 +130,10 @@ TEST_F(Outputs, OfTraining) {
     for (const char* model : {"nsf", "crom"})
       expect_refused(train + model + " --config " + settings + " --out " + run + words + input);
   }
+  EXPECT_EQ(graupel(train + "hgn --data " + data + " --out " + mesh_).exit_code, 5);
+  const Outcome inside = graupel(train + "hgn --data " + data + " --out " + data);
+  EXPECT_EQ(inside.exit_code, 2) << inside.output;
+  EXPECT_TRUE(inside.says("would be written into the data")) << inside.output;
   expect_refused("train hgn --evaluate " + weights_ + " --split train" + words + weights_);
   expect_refused("train hgn --evaluate " + weights_ + " --split train" + words + data + "/train.h5");
   expect_refused("train time " + weights_ + " --data " + data + "/train.h5 --json " + weights_);

@@ -62,6 +62,19 @@ TEST(TimeStep, AnEndlessFrameIsReportedAsDiverged) {
   EXPECT_THROW(next_step(policy, dx, frame, {0, std::numeric_limits<double>::infinity()}, frame), DivergedError);
 }
 
+TEST(TimeStep, AnEndlessFrameOfTheUsersOwnIsAMistakeOfItsKey) {
+  const auto message = [](const TimeStep& policy) {
+    try {
+      next_step(policy, dx, frame, {1, 20}, frame);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(message({.policy = StepPolicy::adaptive, .max_step = 1e-12}).find("max_step = 1e-12"), std::string::npos);
+  EXPECT_NE(message({.policy = StepPolicy::adaptive, .courant = 1e-9}).find("courant = 1e-09"), std::string::npos);
+}
+
 TEST(TimeStep, SuggestionsAreFiniteAndSmaller) {
   EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 20}, 1e-3), 0.3 * dx / 20);
   EXPECT_DOUBLE_EQ(suggested_step(dx, {0, 1e9}, 1e-3), 1e-3 / 8);

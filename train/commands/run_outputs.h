@@ -8,8 +8,9 @@
 
 namespace graupel::train {
 
-/// Throws IoError where `json` cannot be written, ConfigError where it or a file of the run folder (each may be "")
-/// would take the place of an input, of what that names, or of each other (io::check_inputs_kept()).
+/// Throws IoError where `json` or the run folder (each may be "") cannot be written, ConfigError where a file of theirs
+/// would take the place of an input, of what that names, or of each other (io::check_inputs_kept()), and where the run
+/// folder is an input.
 void check_run_outputs(const std::vector<NamedFile>& inputs, const std::string& run, const std::string& json);
 
 }  // namespace graupel::train
