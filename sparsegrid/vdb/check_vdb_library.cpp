@@ -57,7 +57,7 @@ void read_all(const std::string& path) {
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::ios::failure&) {
-    if (!in.bad()) throw graupel::FileIsCut();  // a place before the file is no better than its end
+    throw graupel::FileIsCut();  // a place before the file, or a length of exabytes, is no better than its end
   } catch (const std::exception&) {
   }
 }

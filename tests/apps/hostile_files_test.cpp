@@ -104,7 +104,8 @@ void expect_no_vdb(const Folder& folder, const std::string& bytes) {
     EXPECT_EQ(outcome.exit_code, 3) << line << ": " << outcome.output;
     EXPECT_TRUE(outcome.says("bad.vdb") && outcome.says("the OpenVDB library ") &&
                 (outcome.says("MiB of memory for it") || outcome.says("does not come to an end with it") ||
-                 outcome.says("finds its end in the middle of a grid")))
+                 outcome.says("finds its end in the middle of a grid") ||
+                 outcome.says("writes or reads beyond its memory with it")))
         << outcome.output;
     EXPECT_LT(watch.seconds(), 120);
   }
@@ -143,6 +144,24 @@ TEST(HostileFiles, GridsOfAVdbFileAreCheckedWhereTheProgramReadsThem) {
   for (const uint64_t end : {~uint64_t(0), uint64_t(1) << 40}) expect_no_vdb(folder, with(good, places + 16, end));
   // A second grid there whose name has two gigabytes.
   expect_no_vdb(folder, with(good + std::string("\xff\xff\xff\x7f", 4), places + 16, uint64_t(good.size())));
+}
+
+TEST(HostileFiles, ArraysOfAVdbFileThatAreLongerThanTheirMemoryAreNotRead) {
+  const Folder folder;
+  const std::string good = bytes_of(good_vdb(folder)), map = "UniformScaleMap";
+  // The grid's kind of compression; the length of the first block's values, after a map of 120 bytes, the tree's five
+  // numbers and the block's place, masks and kind of inactive values.
+  const std::size_t compression = begin_of_places(good) + 24;
+  const std::size_t length = good.find(map) + map.size() + 120 + 4 * 4 + 12 + 2 * 4096 + 1;
+  for (const uint32_t kind : {3, 6}) {  // zip, Blosc
+    const std::string packed = with(with(good, length - 1, uint8_t(0)), compression, kind);
+    expect_no_vdb(folder, with(packed, length, int64_t(-40000)));
+  }
+  // Blosc: 16 bytes, of which it is said that they are 100,000, to be expanded to none.
+  std::string blosc = with(with(with(good, length - 1, uint8_t(0)), compression, uint32_t(6)), length, int64_t(16));
+  const uint8_t header[16] = {2, 1, 0x21, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0xa0, 0x86, 1, 0};
+  std::memcpy(blosc.data() + length + 8, header, sizeof header);
+  expect_no_vdb(folder, blosc);
 }
 
 TEST(HostileFiles, WhatOneCheckerCannotTellIsRefusedWithoutTheOther) {

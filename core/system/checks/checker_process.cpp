@@ -133,6 +133,7 @@ CheckerProcess::Outcome CheckerProcess::ask(const std::string& path, const Check
   if (got != 1) return end(/*by_force=*/false);
   if (CheckAnswer(answer) == CheckAnswer::passed) return {};
   if (CheckAnswer(answer) == CheckAnswer::cut) return {.trouble = "finds its end in the middle of a grid"};
+  if (CheckAnswer(answer) == CheckAnswer::overflow) return {.trouble = "writes or reads beyond its memory with it"};
   end(/*by_force=*/true);  // what it holds now counts no more
   return {.trouble = "wants more than " + std::to_string(request.memory >> 20) + " MiB of memory for it"};
 }

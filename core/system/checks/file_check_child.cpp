@@ -74,6 +74,8 @@ std::optional<CheckAnswer> check(const std::string& path, const CheckRequest& re
     answer = CheckAnswer::no_memory;
   } catch (const FileIsCut&) {
     answer = CheckAnswer::cut;
+  } catch (const FileOverflows&) {
+    answer = CheckAnswer::overflow;
   } catch (const FileIsUndecided&) {
     answer = std::nullopt;
   } catch (const std::exception&) {  // refused: the reader will say so
@@ -142,9 +144,10 @@ class Checker {
         become(thorough_, {file, files.end()});
       }
       std::printf("%s: %s\n", file->c_str(),
-                  passed                      ? "read to its end"
-                  : found == CheckAnswer::cut ? "ends in the middle"
-                                              : "needs more than 1 GiB of memory");
+                  passed                           ? "read to its end"
+                  : found == CheckAnswer::cut      ? "ends in the middle"
+                  : found == CheckAnswer::overflow ? "goes beyond the memory of its arrays"
+                                                   : "needs more than 1 GiB of memory");
       all_passed = all_passed && passed;
     }
     return all_passed ? 0 : 3;

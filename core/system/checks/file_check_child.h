@@ -18,18 +18,23 @@ struct CheckRequest {
 inline constexpr uint32_t longest_checked_path = 1 << 16;
 
 /// What the child answers: a byte.
-enum class CheckAnswer : char { passed = 'p', no_memory = 'm', cut = 'c' };
+enum class CheckAnswer : char { passed = 'p', no_memory = 'm', cut = 'c', overflow = 'o' };
 /// Exit codes of a child that ends in the middle.
 inline constexpr int check_out_of_time = 124, check_parent_is_gone = 125, check_is_not_whole = 126;
 
 /// The file ends in the middle of what it says that it holds, which the library does not notice.
 struct FileIsCut : std::exception {};
 
+/// The library writes or reads beyond its memory with this file, though it may not crash. No std::exception: libraries
+/// catch these.
+struct FileOverflows {};
+
 /// This checker cannot tell whether the library comes through the file; the thorough one can.
 struct FileIsUndecided : std::exception {};
 
 /// Reads all of a file that a reader of Graupel may ask for, and changes nothing. Throws std::bad_alloc where the
-/// library lacked memory, FileIsCut and FileIsUndecided; what the library refuses by itself is no matter.
+/// library lacked memory, FileIsCut, FileOverflows and FileIsUndecided; what the library refuses by itself is no
+/// matter.
 using FileWalk = std::function<void(const std::string& path)>;
 
 /// The main function of a checker: answers requests until its input ends. With files as arguments it checks these and
