@@ -132,7 +132,9 @@ LocalBox plane_bounds(const Body& body, const Domain& domain) {
   return plane_bounds(body.rotation(), body.position, domain);
 }
 
-LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain) {
+namespace {
+
+LocalBox domain_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain) {
   LocalBox box = {Vec3d::filled(1e300), Vec3d::filled(-1e300)};
   for (int corner = 0; corner < 8; ++corner) {
     Vec3d x = domain.origin;
@@ -143,8 +145,28 @@ LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain
       box.high[d] = std::max(box.high[d], local[d]);
     }
   }
+  return box;
+}
+
+}  // namespace
+
+LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain) {
+  LocalBox box = domain_bounds(rotation, position, domain);
   box.low[1] = box.high[1] = 0;
   return box;
+}
+
+LocalBox body_below(const Body& plane, const Domain& domain, double margin) {
+  LocalBox box = domain_bounds(plane.rotation(), plane.position, domain);
+  box.low[1] = std::min(box.low[1], 0.0);
+  box.high[1] = 0;
+  box.low -= Vec3d::filled(margin);
+  box.high += Vec3d::filled(margin);
+  return box;
+}
+
+double box_distance(const LocalBox& box, const Vec3d& x) {
+  return box_distance(x - (box.low + box.high) * 0.5, (box.high - box.low) * 0.5);
 }
 
 }  // namespace graupel::sparsegrid

@@ -23,5 +23,10 @@ LocalBox analytic_bounds(const Body& body);
 LocalBox plane_bounds(const Body& body, const Domain& domain);
 /// Of the pose x_world = rotation x_local + position.
 LocalBox plane_bounds(const Mat3d& rotation, const Vec3d& position, const Domain& domain);
+/// The domain's part below the plane and `margin` [m] around it: its top lies `margin` above the plane.
+LocalBox body_below(const Body& plane, const Domain& domain, double margin);
+
+/// Euclidean distance [m] to the box, negative inside.
+double box_distance(const LocalBox& box, const Vec3d& x);
 
 }  // namespace graupel::sparsegrid

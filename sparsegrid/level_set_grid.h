@@ -4,6 +4,7 @@
 #include <nanovdb/NanoVDB.h>
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,10 @@ struct LevelSetGrid {
 /// Throws InputError for an unusable mesh or .vdb file.
 LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name);
 
+/// A plane as the closed body that it bounds in the domain, its other faces farther than the band outside the domain;
+/// `near` is about the plane alone.
+LevelSetGrid build_plane_body(const Scene& scene, const Obstacle& plane, const std::string& name);
+
 /// The values in the box of the narrow band, or of the solid and a few voxels around it where that one has more than
 /// `most_dense_voxels`, as `box` then says (its `values` excepted); none where both have more.
 inline constexpr double most_dense_voxels = 1 << 22;
@@ -38,8 +43,10 @@ std::vector<float> dense_values(const LevelSetGrid& level_set, double voxel, Den
 /// Level set of `distance` (already clamped to +-band) sampled in `boxes`.
 struct UnionRequest {
   DistanceFunction distance;
-  std::vector<LocalBox> boxes;  ///< [m]
-  double voxel = 0, band = 0;   ///< [m]
+  std::vector<LocalBox> boxes;     ///< around the bands [m]
+  std::vector<LocalBox> insides;   ///< where planes' bodies reach beyond these boxes [m]
+  std::optional<LocalBox> border;  ///< cuts the union where there are insides [m]
+  double voxel = 0, band = 0;      ///< [m]
 };
 
 /// Writes the grids and, called "obstacles", the union. Throws IoError.

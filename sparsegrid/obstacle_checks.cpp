@@ -6,7 +6,7 @@
 
 #include "core/system/error.h"
 #include "sparsegrid/analytic_shape.h"
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/mesh/mesh_topology.h"
 
 namespace graupel::sparsegrid {
 

@@ -64,6 +64,16 @@ LocalBox below_plane(const Pose& pose, double level) {
   return box;
 }
 
+/// Adds what both boxes share, if anything.
+void add_shared(const LocalBox& a, LocalBox b, std::vector<LocalBox>& boxes) {
+  for (int d = 0; d < 3; ++d) {
+    b.low[d] = std::max(a.low[d], b.low[d]);
+    b.high[d] = std::min(a.high[d], b.high[d]);
+    if (b.low[d] > b.high[d]) return;
+  }
+  boxes.push_back(b);
+}
+
 void set_pose(ObstacleView& view, const Pose& pose, const LevelSetGrid& level_set) {
   ObstacleFrame<double> frame = view.exact;
   const double voxel = 1 / frame.inverse_voxel;
@@ -354,22 +364,25 @@ GridFacts ObstacleSet::facts(int obstacle) const {
 void ObstacleSet::write_vdb(const std::string& path) const {
   if (count() == 0) throw ConfigError("there is no obstacle to write to '" + path + "'. Add one to the scene");
   const Domain& domain = impl_->scene.domain;
+  const double voxel = impl_->scene.voxel(), band = impl_->scene.band();
+  const LocalBox inner = {domain.origin, domain.origin + domain.size};
+  // Where a plane's body is closed: at its band's distance outside the domain, whose values stay.
+  const Vec3d margin = Vec3d::filled(band + voxel);
+  const LocalBox outer = {inner.low - margin, inner.high + margin};
   std::vector<LevelSetGrid> planes(impl_->grids.size());
   std::vector<const LevelSetGrid*> grids;
-  UnionRequest request{[this](const Vec3d& x) { return sample(x).phi; }, {}, impl_->scene.voxel(), impl_->scene.band()};
+  UnionRequest request{[this](const Vec3d& x) { return sample(x).phi; }, {}, {}, {}, voxel, band};
   for (int i = 0; i < count(); ++i) {
     const LevelSetGrid& own = *impl_->grids[i];
-    if (own.bytes.size() == 0) planes[i] = impl_->plane_grid(i);
-    grids.push_back(own.bytes.size() > 0 ? &own : &planes[i]);
-    LocalBox box = to_world_box(pose_at(impl_->scene.obstacles[i], 0), grids.back()->near);
-    bool meets = true;
-    for (int d = 0; d < 3; ++d) {
-      box.low[d] = std::max(box.low[d], domain.origin[d]);
-      box.high[d] = std::min(box.high[d], domain.origin[d] + domain.size[d]);
-      meets = meets && box.low[d] <= box.high[d];
-    }
-    if (meets) request.boxes.push_back(box);
+    const Obstacle& obstacle = impl_->scene.obstacles[i];
+    const bool is_plane = own.bytes.size() == 0;
+    if (is_plane) planes[i] = build_plane_body(impl_->scene, obstacle, impl_->names[i]);
+    grids.push_back(is_plane ? &planes[i] : &own);
+    const Pose pose = pose_at(obstacle, 0);
+    add_shared(is_plane ? outer : inner, to_world_box(pose, grids.back()->near), request.boxes);
+    if (is_plane) add_shared(outer, below_plane(pose, 0), request.insides);
   }
+  if (!request.insides.empty()) request.border = outer;
   write_level_sets(path, grids, request);
 }
 

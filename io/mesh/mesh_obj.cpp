@@ -8,6 +8,7 @@
 #include <cmath>
 #include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "io/mesh/mesh_formats.h"
 
@@ -15,37 +16,76 @@ namespace graupel::io {
 
 namespace {
 
-/// tinyobjloader reads a damaged number as 0, so the vertex lines are checked first.
-void check_vertex_lines(const std::string& bytes, const std::string& name) {
-  const auto is_space = [](char c) { return c == ' ' || c == '\t'; };
-  std::size_t line = 1;
-  for (std::size_t at = 0; at < bytes.size(); ++line) {
-    const std::size_t end = std::min(bytes.find('\n', at), bytes.size());
-    if (end - at > 2 && bytes[at] == 'v' && is_space(bytes[at + 1])) {
-      const char* word = bytes.data() + at + 1;
-      for (int axis = 0; axis < 3; ++axis) {
-        while (word != bytes.data() + end && is_space(*word)) ++word;
-        double value = 0;
-        const auto result = std::from_chars(word, bytes.data() + end, value);
-        if (result.ec != std::errc() || !std::isfinite(value))
-          mesh_fail(name, "the vertex in line " + std::to_string(line) + " is not three finite numbers");
-        word = result.ptr;
-      }
-    }
-    at = end + 1;
+/// A line of an OBJ file, split at blanks.
+struct ObjLine {
+  std::size_t number;
+  std::string_view text, keyword;
+  std::vector<std::string_view> values;
+};
+
+[[noreturn]] void fail(const std::string& name, const ObjLine& line, const std::string& problem) {
+  std::string text(line.text.substr(0, 60));
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 32; }, ' ');
+  mesh_fail(name, problem + " (line " + std::to_string(line.number) + ": '" + text + "')");
+}
+
+template <typename T>
+bool is_whole(std::string_view word, T& value) {
+  const auto [end, code] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return code == std::errc() && end == word.data() + word.size();
+}
+
+/// What may follow the coordinates: a weight or a colour, which are not read.
+void check_vertex(const std::string& name, const ObjLine& line) {
+  double value = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (axis >= line.values.size() || !is_whole(line.values[axis], value) || !std::isfinite(value))
+      fail(name, line, "a vertex is not three finite numbers");
+}
+
+/// Whether a corner of a face reads v, v/vt, v//vn or v/vt/vn.
+bool is_corner(std::string_view word) {
+  int index = 0;
+  for (int part = 0; part < 3; ++part) {
+    const std::size_t end = std::min(word.find('/'), word.size());
+    const bool may_lack = part == 1 && end < word.size();
+    if (!(may_lack && end == 0) && !is_whole(word.substr(0, end), index)) return false;
+    if (end == word.size()) return true;
+    word.remove_prefix(end + 1);
   }
+  return false;
+}
+
+void check_face(const std::string& name, const ObjLine& line) {
+  if (line.values.size() < 3) fail(name, line, "a face has fewer than three corners");
+  for (const std::string_view corner : line.values)
+    if (!is_corner(corner)) fail(name, line, "a face's corner '" + std::string(corner.substr(0, 20)) + "' is no index");
 }
 
 /// The lines of vertices, texture coordinates, normals and faces; all others are empty, so that lines keep their
-/// numbers. Among the others are skin weights, whose joints tinyobjloader turns into integers unseen.
-std::string geometry_lines(const std::string& bytes) {
+/// numbers. Among the others are skin weights, whose joints tinyobjloader turns into integers unseen. It also reads
+/// damaged numbers as 0 or by their first digits, and leaves short faces out, so they are checked here.
+std::string checked_geometry_lines(const std::string& bytes, const std::string& name) {
   std::string kept;
+  ObjLine line{0, {}, {}, {}};
   for (std::size_t at = 0; at < bytes.size();) {
     const std::size_t end = std::min(bytes.find_first_of("\r\n", at), bytes.size());
-    const std::size_t word = std::min(bytes.find_first_not_of(" \t", at), end);
-    const std::size_t word_end = std::min(bytes.find_first_of(" \t", word), end);
-    const std::string_view keyword(bytes.data() + word, word_end - word);
-    if (keyword == "v" || keyword == "vt" || keyword == "vn" || keyword == "f") kept.append(bytes, at, end - at);
+    const bool ends_crlf = at > 0 && bytes[at - 1] == '\r' && bytes[at] == '\n';
+    if (!ends_crlf) ++line.number;
+    line.text = std::string_view(bytes).substr(at, end - at);
+    line.values.clear();
+    for (std::size_t word = 0; (word = line.text.find_first_not_of(" \t", word)) < line.text.size();) {
+      const std::size_t word_end = std::min(line.text.find_first_of(" \t", word), line.text.size());
+      line.values.push_back(line.text.substr(word, word_end - word));
+      word = word_end;
+    }
+    line.keyword = line.values.empty() ? std::string_view() : line.values.front();
+    if (!line.values.empty()) line.values.erase(line.values.begin());
+    if (line.keyword == "v") check_vertex(name, line);
+    if (line.keyword == "f") check_face(name, line);
+    if (line.keyword == "v" || line.keyword == "vt" || line.keyword == "vn" || line.keyword == "f")
+      kept.append(line.text);
     if (end < bytes.size()) kept += bytes[end];
     at = end + 1;
   }
@@ -55,12 +95,11 @@ std::string geometry_lines(const std::string& bytes) {
 }  // namespace
 
 TriangleMesh parse_obj(const std::string& bytes, const std::string& name) {
-  check_vertex_lines(bytes, name);
   tinyobj::attrib_t attributes;
   std::vector<tinyobj::shape_t> shapes;
   std::vector<tinyobj::material_t> materials;
   std::string warnings, errors;
-  std::istringstream stream(geometry_lines(bytes));
+  std::istringstream stream(checked_geometry_lines(bytes, name));
   const bool good = tinyobj::LoadObj(&attributes, &shapes, &materials, &warnings, &errors, &stream);
   if (!good || !errors.empty()) mesh_fail(name, "not a valid OBJ file (" + errors.substr(0, 200) + ")");
   if (warnings.find("Vertex indices out of bounds") != std::string::npos ||

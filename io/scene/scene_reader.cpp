@@ -216,6 +216,9 @@ std::string scene_format_markdown() {
          "it; "
          "one\nthat its motion never leads in is an error, and so is one smaller than two voxels of its grid, or "
          "thinner than a\ntenth of one. A material starts from its `preset`, then its other keys apply.\n\n"
+         "A mesh must be closed. Its parts are united, wherever each faces; one inside another that faces the other "
+         "way\nis the wall of a cavity (a tank). Parts that enclose a room only together have none. A `vdb` keeps its "
+         "cavities.\n\n"
          "This file is made from the declarations in `core/scene/scene.h` and the headers that it names.\n" +
          description_markdown(describe<Scene>(), "Top level") + preset_markdown() + sweep_markdown() +
          random_markdown() + category_markdown();

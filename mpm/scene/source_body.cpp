@@ -5,19 +5,13 @@
 #include <algorithm>
 
 #include "core/system/error.h"
+#include "sparsegrid/mesh/mesh_volume.h"
 
 namespace graupel::mpm {
 
 namespace {
 
 constexpr double pi = 3.14159265358979323846;
-
-/// Volume inside a closed mesh by the divergence theorem.
-double mesh_volume(const TriangleMesh& mesh) {
-  double six = 0;
-  for (const auto& t : mesh.triangles) six += dot(mesh.vertices[t[0]], cross(mesh.vertices[t[1]], mesh.vertices[t[2]]));
-  return std::abs(six) / 6;
-}
 
 double analytic_volume(const Body& body) {
   const Vec3d s = body.size;
@@ -65,7 +59,7 @@ std::string of_source(std::string text, std::size_t index) {
 }  // namespace
 
 double body_volume(const Body& body) {
-  return body.shape == Shape::mesh && body.mesh ? mesh_volume(*body.mesh) : analytic_volume(body);
+  return body.shape == Shape::mesh && body.mesh ? sparsegrid::mesh_volume(*body.mesh) : analytic_volume(body);
 }
 
 SourceBody::SourceBody(const Source& source, std::size_t index, double voxel) : source_(source) {
@@ -85,7 +79,7 @@ SourceBody::SourceBody(const Source& source, std::size_t index, double voxel) : 
   }
   const sparsegrid::GridFacts facts = level_set_.facts(0);
   bounds_ = {facts.world_low, facts.world_high};
-  volume_ = source.shape == Shape::mesh ? mesh_volume(*source.mesh) : level_set_volume();
+  volume_ = source.shape == Shape::mesh ? sparsegrid::mesh_volume(*source.mesh) : level_set_volume();
 }
 
 bool SourceBody::contains(const Vec3d& local) const {

@@ -3,7 +3,6 @@
 #include <nanovdb/util/NanoToOpenVDB.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
 #include <openvdb/io/Archive.h>
-#include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 
 #include <tbb/task_arena.h>
@@ -70,11 +69,14 @@ void fill_leaves(const std::vector<Leaf*>& leaves, const DistanceFunction& dista
   parallel_for_cpu(static_cast<int64_t>(leaves.size()), fill_leaf, Grain{16});
 }
 
+/// Farthest centre of a block that meets the band.
+double reach_of(double voxel, double band) { return band + voxel * block * 0.5 * std::sqrt(3.0); }
+
 /// Level set of an exact distance: a block whose centre is farther from the surface than the band and half its own
 /// diagonal holds one value.
 FloatGrid::Ptr sampled_level_set(const DistanceFunction& distance, LocalBox box, double voxel, double band) {
   auto grid = empty_level_set(voxel, band);
-  const double reach = band + voxel * block * 0.5 * std::sqrt(3.0);
+  const double reach = reach_of(voxel, band);
   box.low -= Vec3d::filled(band + voxel);
   box.high += Vec3d::filled(band + voxel);
   std::vector<Leaf*> leaves;
@@ -109,18 +111,12 @@ void clamp_to_band(FloatGrid& grid, double band) {
   tree.root().setBackground(limit, /*updateChildNodes=*/false);
 }
 
-FloatGrid::Ptr mesh_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
+FloatGrid::Ptr checked_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
   check_mesh(obstacle, name);
   const float width = static_cast<float>(band / voxel) + spare_voxels;
   check_level_set_size(name, "the mesh '" + obstacle.file + "'", size_of(*obstacle.mesh), voxel,
                        static_cast<double>(width));
-  std::vector<openvdb::Vec3d> points;
-  for (const Vec3d& v : obstacle.mesh->vertices) points.emplace_back(v[0] / voxel, v[1] / voxel, v[2] / voxel);
-  std::vector<openvdb::Vec3I> triangles;
-  for (const auto& t : obstacle.mesh->triangles) triangles.emplace_back(t[0], t[1], t[2]);
-  const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3d, openvdb::Vec3I> adapter(points, triangles);
-  const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
-  return openvdb::tools::meshToVolume<FloatGrid>(adapter, *transform, width, width);
+  return mesh_level_set(*obstacle.mesh, voxel, width);
 }
 
 /// Box of the voxels with a negative value, in voxels.
@@ -161,23 +157,27 @@ FloatGrid::Ptr union_level_set(const UnionRequest& request) {
     for_each_block(box, request.voxel, [&](const Coord& origin) {
       if (!grid->tree().probeLeaf(origin)) leaves.push_back(grid->tree().touchLeaf(origin));
     });
-  fill_leaves(leaves, request.distance, request.voxel, request.band);
+  // Beyond the bands of bodies a block has one value, but at the border of the insides.
+  const double half = (block - 1) / 2.0 * request.voxel, reach = reach_of(request.voxel, request.band);
+  const auto add_inside = [&](const Coord& origin) {
+    const Vec3d centre = to_vec(origin).cast<double>() * request.voxel + Vec3d::filled(half);
+    const double depth = box_distance(*request.border, centre);
+    if (depth >= reach || grid->tree().probeLeaf(origin) || request.distance(centre) >= 0) return;
+    if (depth <= -reach)
+      grid->tree().addTile(1, origin, static_cast<float>(-request.band), false);
+    else
+      leaves.push_back(grid->tree().touchLeaf(origin));
+  };
+  for (const LocalBox& box : request.insides) for_each_block(box, request.voxel, add_inside);
+  DistanceFunction distance = request.distance;
+  if (request.border)
+    distance = [&](const Vec3d& x) { return std::max(request.distance(x), box_distance(*request.border, x)); };
+  fill_leaves(leaves, distance, request.voxel, request.band);
   openvdb::tools::pruneLevelSet(grid->tree());
   return grid;
 }
 
-LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
-  const double voxel = scene.voxel(), band = scene.band();
-  FloatGrid::Ptr grid;
-  if (obstacle.shape == Shape::mesh) {
-    grid = mesh_level_set(obstacle, name, voxel, band);
-  } else if (obstacle.shape == Shape::vdb) {
-    grid = file_level_set(obstacle, name, voxel, band);
-  } else {
-    const LocalBox box =
-        obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
-    grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
-  }
+LevelSetGrid finished(const FloatGrid::Ptr& grid, const std::string& name, double voxel, double band) {
   clamp_to_band(*grid, band);
   openvdb::tools::pruneLevelSet(grid->tree());  // pruneInactive() fills solids with the background, +band
   grid->setName(name);
@@ -191,6 +191,21 @@ LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const st
   return out;
 }
 
+LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
+  const double voxel = scene.voxel(), band = scene.band();
+  FloatGrid::Ptr grid;
+  if (obstacle.shape == Shape::mesh) {
+    grid = checked_level_set(obstacle, name, voxel, band);
+  } else if (obstacle.shape == Shape::vdb) {
+    grid = file_level_set(obstacle, name, voxel, band);
+  } else {
+    const LocalBox box =
+        obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
+    grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
+  }
+  return finished(grid, name, voxel, band);
+}
+
 }  // namespace
 
 LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const std::string& name) {
@@ -198,6 +213,20 @@ LevelSetGrid build_level_set(const Scene& scene, const Obstacle& obstacle, const
   // OpenVDB would use all cores, also for each of many obstacles that are built at once.
   tbb::task_arena arena(num_threads());
   return arena.execute([&] { return level_set_of(scene, obstacle, name); });
+}
+
+LevelSetGrid build_plane_body(const Scene& scene, const Obstacle& plane, const std::string& name) {
+  initialize_openvdb();
+  const double voxel = scene.voxel(), band = scene.band(), margin = band + voxel;
+  const LocalBox body = body_below(plane, scene.domain, margin);
+  const DistanceFunction distance = [&](const Vec3d& x) { return std::max(x[1], box_distance(body, x)); };
+  tbb::task_arena arena(num_threads());
+  LevelSetGrid grid =
+      arena.execute([&] { return finished(sampled_level_set(distance, body, voxel, band), name, voxel, band); });
+  grid.near = plane_bounds(plane, scene.domain);
+  grid.near.low -= Vec3d::filled(margin);
+  grid.near.high += Vec3d::filled(margin);
+  return grid;
 }
 
 void write_level_sets(const std::string& path, const std::vector<const LevelSetGrid*>& grids,

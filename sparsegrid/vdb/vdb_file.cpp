@@ -1,6 +1,5 @@
 // .vdb files, which may come from anybody: read by OpenVDB, refused where they are of no use, their level sets rebuilt
 // at a scene's voxel.
-#include <openvdb/tools/LevelSetRebuild.h>
 #include <openvdb/tools/SignedFloodFill.h>
 
 #include <algorithm>
@@ -178,11 +177,10 @@ FloatGrid::Ptr file_level_set(const Obstacle& obstacle, const std::string& name,
       grid->setTransform(openvdb::math::Transform::createLinearTransform(voxel));
       return grid;
     }
-    const auto transform = openvdb::math::Transform::createLinearTransform(voxel);
     const float width = static_cast<float>(band / voxel) + spare_voxels;
     check_level_set_size(name, "the level set of '" + obstacle.file + "'", surface_of(*grid), voxel,
                          static_cast<double>(width));
-    return openvdb::tools::levelSetRebuild(*grid, 0.0f, width, width, transform.get());
+    return rebuilt_level_set(*grid, voxel, width);
   });
 }
 

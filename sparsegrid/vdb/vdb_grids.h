@@ -34,6 +34,11 @@ void initialize_openvdb();
 /// zero surface. Throws InputError for a file without a usable one, ConfigError where it is too large or too small.
 openvdb::FloatGrid::Ptr file_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band);
 
+/// Level sets of a closed mesh [own frame] and of the zero surface of `grid`, with `width` voxels on each side and
+/// without what lies in cavities.
+openvdb::FloatGrid::Ptr mesh_level_set(const TriangleMesh& mesh, double voxel, float width);
+openvdb::FloatGrid::Ptr rebuilt_level_set(const openvdb::FloatGrid& grid, double voxel, float width);
+
 GridFacts facts_of(const openvdb::GridBase& grid);
 
 }  // namespace graupel::sparsegrid

@@ -1,6 +1,6 @@
 // Mesh files: read and checked as bodies are.
 #include "io/mesh/mesh_file.h"
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/mesh/mesh_topology.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace graupel::fuzz {

@@ -112,6 +112,16 @@ TEST(MeshFile, ReadsEveryFormatToTheSameSolid) {
   }
 }
 
+TEST(MeshFile, TakesIndentedLinesAndEveryKindOfCorner) {
+  TemporaryFolder folder;
+  const std::string head = "  v 0 0 0 1.0\n\tv 1 0 0 1.0\nv 0 1 0 1.0\nvt 0 0\nvn 0 0 1\n";
+  for (const std::string face : {"1 2 3", "1/1 2/1 3/1", "1//1 2//1 3//1", "1/1/1 2/1/1 3/1/1", "-3 -2 -1"}) {
+    const TriangleMesh mesh = read_mesh(folder.write("corners.obj", head + " f " + face + " \n"));
+    ASSERT_EQ(mesh.triangles.size(), 1u) << face;
+    EXPECT_EQ(mesh.triangles[0], (std::array<int32_t, 3>{0, 1, 2})) << face;
+  }
+}
+
 TEST(MeshFile, SplitsPolygons) {
   TemporaryFolder folder;
   const std::string square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
@@ -164,7 +174,13 @@ TEST(MeshFile, NamesTheFault) {
   fails("a.fbx", "x", "unknown kind of mesh (ending '.fbx', known: .obj .ply .stl)");
   fails("a.obj", "v 0 0 0\n", "no triangles");
   fails("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not exist");
-  fails("c.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1 is not three finite numbers");
+  fails("c.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not three finite numbers (line 1: 'v 0 0 nan')");
+  const std::string points = "v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\n";
+  fails("d.obj", points + "  v -0.1 oops -0.1\r\nf 1 2 3\r\n", "(line 4: '  v -0.1 oops -0.1')");
+  fails("e.obj", "v 0 0 0.5x\n" + points + "f 1 2 3\n", "(line 1: 'v 0 0 0.5x')");
+  for (const std::string face : {"1.5 2 3", "1 2 4abc", "2x 1 3", "1/1/ 2 3", "1/x 2 3", "1 2 3 \\"})
+    fails("f.obj", points + "f " + face + "\n", "is no index (line 4: 'f " + face + "')");
+  fails("g.obj", points + "\tf 1 2\r\n", "fewer than three corners (line 4: ' f 1 2')");
   fails("a.ply", "plx\n", "not a PLY file");
   fails("b.ply", "ply\nformat binary_big_endian 1.0\nend_header\n", "binary_big_endian");
   fails("c.ply", ply_header("ascii", "property float x\nproperty float y\n", 0), "lack x, y or z");

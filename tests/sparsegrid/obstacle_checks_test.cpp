@@ -10,7 +10,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/mesh/mesh_topology.h"
 #include "sparsegrid/obstacle_set.h"
 #include "tests/sparsegrid/test_scenes.h"
 

@@ -7,7 +7,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "sparsegrid/cell_normals.h"
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/mesh/mesh_topology.h"
 #include "sparsegrid/obstacle_set.h"
 #include "tests/sparsegrid/test_scenes.h"
 

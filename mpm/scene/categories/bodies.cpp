@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "core/system/error.h"
+#include "sparsegrid/mesh/mesh_volume.h"
 #include "sparsegrid/obstacle_set.h"
 
 namespace graupel::mpm {
@@ -30,15 +31,6 @@ std::shared_ptr<const TriangleMesh> scaled(const TriangleMesh& mesh, double scal
   auto copy = std::make_shared<TriangleMesh>(mesh);
   for (Vec3d& x : copy->vertices) x *= scale;
   return copy;
-}
-
-/// Divergence theorem: a sixth of the sum of a . (b x c).
-double mesh_volume(const TriangleMesh& mesh) {
-  double sum = 0;
-  for (const auto& t : mesh.triangles)
-    sum += dot(mesh.vertices[static_cast<std::size_t>(t[0])],
-               cross(mesh.vertices[static_cast<std::size_t>(t[1])], mesh.vertices[static_cast<std::size_t>(t[2])]));
-  return std::abs(sum) / 6;
 }
 
 }  // namespace
@@ -95,7 +87,7 @@ double volume(const Body& body) {
     case Shape::cylinder:
       return pi * body.radius * body.radius * body.height;
     case Shape::mesh:
-      return mesh_volume(*body.mesh);
+      return sparsegrid::mesh_volume(*body.mesh);
     default:
       throw std::logic_error("volume: not a shape that recipes fill with material");
   }

@@ -76,6 +76,59 @@ TEST(Sampling, VolumesOfAllShapesAgreeWithTheirInsideTest) {
   }
 }
 
+/// Cubes about these centres; `size` below 0 turns one inside out.
+Source cubes_source(const std::vector<std::pair<Vec3d, double>>& cubes) {
+  auto mesh = std::make_shared<TriangleMesh>();
+  for (const auto& [center, size] : cubes) {
+    const auto first = static_cast<int32_t>(mesh->vertices.size());
+    for (int c = 0; c < 8; ++c)  // a negative size mirrors the cube
+      mesh->vertices.push_back(center + Vec3d{(c & 1 ? 0.5 : -0.5), (c & 2 ? 0.5 : -0.5), (c & 4 ? 0.5 : -0.5)} * size);
+    for (const std::array<int32_t, 3>& t : std::vector<std::array<int32_t, 3>>{{0, 2, 3},
+                                                                               {0, 3, 1},
+                                                                               {4, 5, 7},
+                                                                               {4, 7, 6},
+                                                                               {0, 1, 5},
+                                                                               {0, 5, 4},
+                                                                               {2, 6, 7},
+                                                                               {2, 7, 3},
+                                                                               {0, 4, 6},
+                                                                               {0, 6, 2},
+                                                                               {1, 3, 7},
+                                                                               {1, 7, 5}})
+      mesh->triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  }
+  Source source;
+  source.shape = Shape::mesh;
+  source.mesh = mesh;
+  source.file = "cubes.obj";
+  return source;
+}
+
+TEST(Sampling, MeshesOfSeveralPartsHaveTheMassOfTheirRegion) {
+  const std::pair<Vec3d, double> left = {{-0.2, 0, 0}, 0.2};
+  struct Case {
+    std::vector<std::pair<Vec3d, double>> cubes;
+    double volume;
+  };
+  for (const Case& one : {Case{{left, {{0.2, 0, 0}, -0.2}}, 0.016}, Case{{left, {{0.2, 0, 0}, -0.1}}, 0.009},
+                          Case{{left, {{-0.1, 0, 0}, 0.2}}, 0.012}, Case{{left, {{-0.2, 0, 0}, 0.1}}, 0.008},
+                          Case{{left, {{-0.2, 0, 0}, -0.16}}, 0.008 - 0.004096}})
+    for (const Sampling sampling : {Sampling::random, Sampling::jittered_lattice}) {
+      Source source = cubes_source(one.cubes);
+      source.sampling = sampling;
+      const SampledParticles p = sample_sources(one_source(source), 1);
+      double volume = 0;
+      for (const double v : p.volume) volume += v;
+      EXPECT_NEAR(volume, one.volume, 0.03 * one.volume) << word_of(source.sampling);
+      EXPECT_NEAR(p.position.size(), one.volume * 8 * 64 * 64 * 64, 0.03 * p.position.size());
+      for (const Vec3d& x : p.position) {
+        const Vec3d local = x - Vec3d{0.5, 0.5, 0.5} - one.cubes[1].first;
+        const double depth = std::max({std::abs(local[0]), std::abs(local[1]), std::abs(local[2])});
+        ASSERT_TRUE(one.cubes[1].second != -0.16 || depth > 0.079) << depth;
+      }
+    }
+}
+
 TEST(Sampling, AMeshGivesTheCountOfItsVolume) {
   auto mesh = std::make_shared<TriangleMesh>();
   for (int c = 0; c < 8; ++c)

@@ -1,5 +1,5 @@
 // Counts the triangles along each edge, with their direction, after merging vertices of equal position.
-#include "sparsegrid/mesh_topology.h"
+#include "sparsegrid/mesh/mesh_topology.h"
 
 #include <algorithm>
 #include <array>
@@ -8,19 +8,6 @@
 namespace graupel::sparsegrid {
 
 namespace {
-
-/// Index of the first vertex at the same place, for every vertex.
-std::vector<int32_t> merged_vertices(const std::vector<Vec3d>& vertices) {
-  const auto less = [&](int32_t a, int32_t b) {
-    return std::lexicographical_compare(vertices[a].a, vertices[a].a + 3, vertices[b].a, vertices[b].a + 3);
-  };
-  std::vector<int32_t> order(vertices.size()), merged(vertices.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), less);
-  for (std::size_t i = 0; i < order.size(); ++i)
-    merged[order[i]] = i > 0 && vertices[order[i]] == vertices[order[i - 1]] ? merged[order[i - 1]] : order[i];
-  return merged;
-}
 
 /// An edge between merged vertices, the lower one first.
 struct Edge {
@@ -57,6 +44,18 @@ void count_doubled(std::vector<Triple> triangles, const std::vector<Vec3d>& vert
 }
 
 }  // namespace
+
+std::vector<int32_t> merged_vertices(const std::vector<Vec3d>& vertices) {
+  const auto less = [&](int32_t a, int32_t b) {
+    return std::lexicographical_compare(vertices[a].a, vertices[a].a + 3, vertices[b].a, vertices[b].a + 3);
+  };
+  std::vector<int32_t> order(vertices.size()), merged(vertices.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), less);
+  for (std::size_t i = 0; i < order.size(); ++i)
+    merged[order[i]] = i > 0 && vertices[order[i]] == vertices[order[i - 1]] ? merged[order[i - 1]] : order[i];
+  return merged;
+}
 
 MeshFaults faults_of(const TriangleMesh& mesh) {
   const std::vector<int32_t> merged = merged_vertices(mesh.vertices);

@@ -14,6 +14,9 @@ struct MeshFaults {
   Vec3d place;                    ///< of the first of the faults that are named first
 };
 
+/// Index of the first vertex at the same place, for every vertex.
+std::vector<int32_t> merged_vertices(const std::vector<Vec3d>& vertices);
+
 MeshFaults faults_of(const TriangleMesh& mesh);
 
 }  // namespace graupel::sparsegrid
