@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <optional>
 
 #include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
@@ -154,12 +155,44 @@ void check_plane(const Scene& scene) {
   throw ConfigError(fmt::format("{} {}. {}", fmt::join(out->path, "."), out->problem, out->remedy));
 }
 
+namespace {
+
+/// When the source or emitter sends out its first particle [s].
+double first_time(const Scene& scene, std::size_t source) {
+  if (source < scene.sources.size()) return 0;
+  const Emitter& emitter = scene.emitters[source - scene.sources.size()];
+  if (emitter.emission == Emission::stream) return emitter.start_time;
+  return emitter.times.empty() ? 0 : emitter.times.front();
+}
+
+/// Obstacles where they are when each source or emitter begins.
+class FirstObstacles {
+ public:
+  FirstObstacles(const Scene& scene, const sparsegrid::ObstacleSet& at_start) : at_start_(at_start) {
+    for (std::size_t s = 0; s < scene.sources.size() + scene.emitters.size(); ++s) {
+      const double time = scene.has_moving_obstacles() ? first_time(scene, s) : 0;
+      later_.push_back(time > 0 ? std::optional(at_start.at(time)) : std::nullopt);
+    }
+  }
+  const sparsegrid::ObstacleSet& of(int32_t source) const {
+    const auto& later = later_[static_cast<std::size_t>(source)];
+    return later ? *later : at_start_;
+  }
+
+ private:
+  const sparsegrid::ObstacleSet& at_start_;
+  std::vector<std::optional<sparsegrid::ObstacleSet>> later_;
+};
+
+}  // namespace
+
 void check_start(const Scene& scene, const SampledParticles& particles, const sparsegrid::ObstacleSet& obstacles) {
   if (particles.position.empty())
     throw ConfigError("the scene has no particles. Add a source, or make one larger than a grid cell");
   check_obstacles(scene, obstacles);
   const Vec3d low = scene.wall_low(), high = scene.wall_high();
   const double tolerance = 1e-6 * scene.domain.dx;
+  const FirstObstacles first_obstacles(scene, obstacles);
   for (std::size_t i = 0; i < particles.position.size(); ++i) {
     const Vec3d& x = particles.position[i];
     for (int d = 0; d < scene.domain.axes(); ++d)
@@ -170,14 +203,14 @@ void check_start(const Scene& scene, const SampledParticles& particles, const sp
                         name_of_source(scene, particles.source[i]), text_of(x), text_of(low), text_of(high)));
     if (obstacles.count() == 0 || always_kinematic(particles, i)) continue;
     int nearest = -1;
-    const double phi = obstacles.sample(x, &nearest).phi;
-    if (phi < -1e-4 * scene.domain.dx)
-      throw ConfigError(
-          fmt::format("{0} overlaps obstacle {1} (/obstacles/{1}, {2}): particle at {3} lies {4:.3g} m inside. Move "
-                      "the source or the "
-                      "obstacle",
-                      name_of_source(scene, particles.source[i]), nearest, word_of(scene.obstacles[nearest].shape),
-                      text_of(x), -phi));
+    const double phi = first_obstacles.of(particles.source[i]).sample(x, &nearest).phi;
+    if (phi >= -1e-4 * scene.domain.dx) continue;
+    const double time = first_time(scene, static_cast<std::size_t>(particles.source[i]));
+    throw ConfigError(fmt::format(
+        "{0} overlaps obstacle {1} (/obstacles/{1}, {2}){5}: particle at {3} lies {4:.3g} m inside. Move the source or "
+        "the obstacle",
+        name_of_source(scene, particles.source[i]), nearest, word_of(scene.obstacles[nearest].shape), text_of(x), -phi,
+        time > 0 && scene.obstacles[nearest].motion ? fmt::format(" at {:.4g} s, when it begins", time) : ""));
   }
   check_scripts(scene, particles);
   check_first_loads(scene, particles);

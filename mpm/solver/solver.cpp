@@ -51,6 +51,7 @@ Solver<T>::Solver(const Scene& scene, const SimulationOptions& options, const Sa
   HostParticles<T> initial = initial_particles<T>(sampled, grid_.material_configs);
   for (std::size_t i = 0; i < initial.size() && !user_laws_.empty(); ++i)
     if (const auto& law = user_laws_[initial.material[i]]) start_with_law(*law, sampled, i, initial);
+  emitted_sound_ = EmittedSound(scene, sampled, initial, grid_.material_configs, user_laws_);
   particles_ = upload_particles(initial, options.device);
   spare_ = Particles<T>(options.device, particles_.count());
   find_owner_blocks(view());
@@ -65,7 +66,8 @@ template <typename T>
 StateSpeeds Solver<T>::speeds() const {
   const double from = time(), to = from + scene_.frame_time;
   return {std::max(std::sqrt(step_statistics_.largest_speed2), grid_.lifecycle.largest_speed(from, to)),
-          step_statistics_.largest_sound_speed, diffusivity_, grid_.moving.largest_speed(from, to),
+          std::max(step_statistics_.largest_sound_speed, emitted_sound_.largest(from, to)), diffusivity_,
+          grid_.moving.largest_speed(from, to),
           scene_.largest_gravity() * scene_.frame_time + loads_.largest_gain(from, scene_.frame_time)};
 }
 

@@ -11,6 +11,7 @@
 #include "mpm/phases/user_materials.h"
 #include "mpm/sampling.h"
 #include "mpm/simulation.h"
+#include "mpm/solver/emitted_sound.h"
 #include "mpm/solver/run_loads.h"
 #include "mpm/solver/scene_grid.h"
 #include "mpm/solver/time_step.h"
@@ -78,6 +79,7 @@ class Solver final : public Simulation {
   sparsegrid::ObstacleSet obstacles_;
   UserLaws user_laws_;  ///< of the materials; empty without any
   std::vector<int32_t> particle_type_;
+  EmittedSound emitted_sound_;
   double diffusivity_ = 0;  ///< largest kinematic viscosity [m^2/s]
 
   mutable SceneGrid<T> grid_;  ///< views give kernels access to the arrays;

@@ -187,5 +187,58 @@ TEST(Sinks, RemoveWhatEntersThemForGood) {
   }
 }
 
+TEST(Emission, StepsAreSmallEnoughForStiffMatterFromItsFirstSubstepOn) {
+  for (const Emission emission : {Emission::stream, Emission::burst}) {
+    Scene scene = scene_with("water", {0.2, 0.2, 0.2});
+    scene.time_step = {.policy = StepPolicy::adaptive};
+    scene.materials["water"].youngs_modulus = 1e4;
+    scene.materials["stiff"] = preset("jelly");
+    scene.materials["stiff"].youngs_modulus = 1e8;
+    Emitter emitter = nozzle();
+    emitter.material = "stiff";
+    emitter.emission = emission;
+    emitter.start_time = 0.03;
+    emitter.end_time = 0.04;
+    emitter.times = {0.03};
+    scene.emitters.push_back(emitter);
+    const auto simulation = Simulation::create(scene, {});
+    for (int frame = 0; frame < 3; ++frame) simulation->advance_frame();
+    ASSERT_GT(simulation->statistics().born, 0);
+    EXPECT_LT(simulation->statistics().sound_courant, 0.75);
+  }
+}
+
+/// A nozzle and a box that moves by `way` in the first 0.1 s.
+Scene with_moving_box(const Vec3d& from, const Vec3d& way, double start_time) {
+  Emitter emitter = nozzle();
+  emitter.start_time = start_time;
+  Scene scene = with_nozzle(emitter);
+  Obstacle box;
+  box.shape = Shape::box;
+  box.size = {0.2, 0.1, 0.2};
+  box.position = from;
+  box.motion = Motion{};
+  box.motion->velocity = way * 10.0;
+  box.motion->end_time = 0.1;
+  scene.obstacles.push_back(box);
+  return scene;
+}
+
+TEST(Emission, EmittersMeetObstaclesWhereTheseAreThen) {
+  const Vec3d there = {0.5, 0.8, 0.5}, away = {0.5, 0.5, 0.5};
+  EXPECT_NO_THROW(Simulation::create(with_moving_box(there, away - there, 0.15), {}));
+  EXPECT_NO_THROW(Simulation::create(with_moving_box(away, there - away, 0), {}));
+  for (const Scene& scene : {with_moving_box(there, away - there, 0), with_moving_box(away, there - away, 0.15)}) {
+    try {
+      Simulation::create(scene, {});
+      FAIL() << "not refused";
+    } catch (const ConfigError& error) {
+      EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("emitter 0"), HasSubstr("overlaps obstacle 0")));
+      const bool later = scene.emitters[0].start_time > 0;
+      EXPECT_THAT(error.what(), HasSubstr(later ? "at 0.15 s, when it begins" : "inside"));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace graupel::mpm
