@@ -1,18 +1,20 @@
-// Triangles are joined along edges (union-find); a part lies in another one where that winds around its vertices.
+// Triangles are joined along edges (union-find); a part lies in another one where that winds around its
+// vertices, which lines in z tell.
 #include "sparsegrid/mesh/mesh_parts.h"
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
+#include "sparsegrid/mesh/line_crossing.h"
 #include "sparsegrid/mesh/mesh_topology.h"
 
 namespace graupel::sparsegrid {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
-constexpr std::size_t trial_vertices = 8;  ///< of a part, that must lie in another one
+constexpr std::size_t trial_vertices = 8;  ///< of a part, at most, that must lie in another one
 
 class DisjointSets {
  public:
@@ -69,39 +71,94 @@ const Vec3d& corner(const TriangleMesh& mesh, int32_t triangle, int i) {
   return mesh.vertices[static_cast<std::size_t>(mesh.triangles[static_cast<std::size_t>(triangle)][i])];
 }
 
-/// Sum of the solid angles of the triangles seen from x, over 4 pi (Van Oosterom and Strackee 1983).
-double winding_number(const TriangleMesh& mesh, const MeshPart& part, const Vec3d& x) {
-  double sum = 0;
-  for (const int32_t t : part.triangles) {
-    const Vec3d a = corner(mesh, t, 0) - x, b = corner(mesh, t, 1) - x, c = corner(mesh, t, 2) - x;
-    const double la = norm(a), lb = norm(b), lc = norm(c);
-    sum += 2 * std::atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
+/// A vertex of a part, and the winding numbers of the other parts around it.
+struct Trial {
+  Vec3d x;
+  std::size_t part;
+  std::map<std::size_t, int> winding;
+};
+
+std::vector<Trial> trials_of(const TriangleMesh& mesh, const std::vector<MeshPart>& parts,
+                             const std::vector<std::size_t>& closed) {
+  std::vector<Trial> trials;
+  for (const std::size_t p : closed) {
+    const auto& triangles = parts[p].triangles;
+    const std::size_t step = (triangles.size() + trial_vertices - 1) / trial_vertices;
+    for (std::size_t i = 0; i < triangles.size(); i += step) trials.push_back({corner(mesh, triangles[i], 0), p, {}});
   }
-  return sum / (4 * pi);
+  return trials;
 }
 
-bool lies_in(const TriangleMesh& mesh, const MeshPart& inner, const MeshPart& outer) {
-  for (int d = 0; d < 3; ++d)
-    if (!(inner.box.low[d] >= outer.box.low[d] && inner.box.high[d] <= outer.box.high[d])) return false;
-  const std::size_t step = std::max<std::size_t>(1, inner.triangles.size() / trial_vertices);
-  for (std::size_t i = 0; i < inner.triangles.size(); i += step)
-    if (std::abs(winding_number(mesh, outer, corner(mesh, inner.triangles[i], 0))) < 0.5) return false;
-  return true;
-}
+/// Trials in cells of the (x, y) plane.
+class TrialCells {
+ public:
+  explicit TrialCells(std::vector<Trial>& trials) : trials_(trials) {
+    count_ = std::clamp(static_cast<int>(std::sqrt(static_cast<double>(trials.size()))), 1, 1024);
+    for (const Trial& t : trials)
+      for (int d = 0; d < 2; ++d) low_[d] = std::min(low_[d], t.x[d]), high_[d] = std::max(high_[d], t.x[d]);
+    cells_.resize(static_cast<std::size_t>(count_) * static_cast<std::size_t>(count_));
+    for (std::size_t i = 0; i < trials.size(); ++i)
+      cell(place(0, trials[i].x[0]), place(1, trials[i].x[1])).push_back(i);
+  }
 
-/// From the largest part to the smallest, each after what may be around it.
-void set_levels(const TriangleMesh& mesh, const std::vector<std::size_t>& closed, std::vector<MeshPart>& parts) {
-  std::vector<std::size_t> order = closed;
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return std::abs(parts[a].volume) > std::abs(parts[b].volume); });
-  for (std::size_t i = 1; i < order.size(); ++i)
-    for (std::size_t j = i; j-- > 0;) {  // the smallest one around it comes first
-      MeshPart& inner = parts[order[i]];
-      const MeshPart& outer = parts[order[j]];
-      if (!lies_in(mesh, inner, outer)) continue;
-      inner.level = outer.level + (inner.volume * outer.volume < 0 ? 1 : 0);
-      break;
+  /// visit(trial) of all trials in the cells that the box meets.
+  template <typename Visit>
+  void visit(const Vec3d& low, const Vec3d& high, const Visit& visit) {
+    for (int i = place(0, low[0]); i <= place(0, high[0]); ++i)
+      for (int j = place(1, low[1]); j <= place(1, high[1]); ++j)
+        for (const std::size_t t : cell(i, j)) visit(trials_[t]);
+  }
+
+ private:
+  int place(int d, double x) const {
+    const double share = (x - low_[d]) / (high_[d] - low_[d]) * count_;
+    return static_cast<int>(std::min(std::max(0.0, share), count_ - 1.0));
+  }
+  std::vector<std::size_t>& cell(int i, int j) { return cells_[static_cast<std::size_t>(i * count_ + j)]; }
+
+  std::vector<Trial>& trials_;
+  double low_[2] = {1e300, 1e300}, high_[2] = {-1e300, -1e300};
+  int count_;
+  std::vector<std::vector<std::size_t>> cells_;
+};
+
+/// Follows the line from below to each trial through all parts.
+void wind(const TriangleMesh& mesh, const std::vector<MeshPart>& parts, const std::vector<std::size_t>& closed,
+          std::vector<Trial>& trials) {
+  TrialCells cells(trials);
+  for (const std::size_t p : closed)
+    for (const int32_t t : parts[p].triangles) {
+      const Vec3d &a = corner(mesh, t, 0), &b = corner(mesh, t, 1), &c = corner(mesh, t, 2);
+      Vec3d low, high;
+      for (int d = 0; d < 3; ++d) low[d] = std::min({a[d], b[d], c[d]}), high[d] = std::max({a[d], b[d], c[d]});
+      cells.visit(low, high, [&](Trial& trial) {
+        if (trial.part == p || trial.x[2] <= low[2]) return;
+        const auto hit = crossing(a, b, c, trial.x[0], trial.x[1]);
+        if (hit && hit->z < trial.x[2]) trial.winding[p] += hit->turn;
+      });
     }
+}
+
+/// From the largest part to the smallest, each after those around it: all its trials lie in these.
+void set_levels(const TriangleMesh& mesh, const std::vector<std::size_t>& closed, std::vector<MeshPart>& parts) {
+  std::vector<Trial> trials = trials_of(mesh, parts, closed);
+  wind(mesh, parts, closed, trials);
+  std::vector<std::map<std::size_t, int>> around(parts.size());  // of how many trials
+  std::vector<int> count(parts.size(), 0);
+  for (const Trial& trial : trials) {
+    ++count[trial.part];
+    for (const auto& [p, turns] : trial.winding) around[trial.part][p] += turns != 0 ? 1 : 0;
+  }
+  const auto size = [&](std::size_t p) { return std::abs(parts[p].volume); };
+  std::vector<std::size_t> order = closed;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return size(a) > size(b); });
+  for (const std::size_t inner : order) {
+    const MeshPart* nearest = nullptr;
+    for (const auto& [p, inside] : around[inner])
+      if (inside == count[inner] && size(p) > size(inner) && (!nearest || size(p) < std::abs(nearest->volume)))
+        nearest = &parts[p];
+    if (nearest) parts[inner].level = nearest->level + (parts[inner].volume * nearest->volume < 0 ? 1 : 0);
+  }
 }
 
 }  // namespace

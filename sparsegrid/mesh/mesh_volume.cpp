@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "sparsegrid/mesh/line_crossing.h"
 #include "sparsegrid/mesh/mesh_parts.h"
 
 namespace graupel::sparsegrid {
@@ -18,7 +19,7 @@ struct Crossing {
   int32_t line;
   double z;
   int32_t part;
-  int32_t turn;  ///< +1 where the triangle faces down: the winding number grows
+  int32_t turn;  ///< of the winding number
   bool operator<(const Crossing& other) const { return std::pair(line, z) < std::pair(other.line, other.z); }
 };
 
@@ -61,17 +62,8 @@ Lines lines_of(const std::vector<MeshPart>& parts, std::vector<uint8_t>& meets) 
   return all;
 }
 
-/// Whether (x, y) lies left of the line from a to b. Both triangles of an edge get opposite answers, to the bit.
-bool is_left(const Vec3d& a, const Vec3d& b, double x, double y) {
-  const bool runs_up = std::pair(a[0], a[1]) < std::pair(b[0], b[1]);
-  const Vec3d &from = runs_up ? a : b, &to = runs_up ? b : a;
-  return ((to[0] - from[0]) * (y - from[1]) - (to[1] - from[1]) * (x - from[0]) >= 0) == runs_up;
-}
-
 void cross_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, int32_t part, const Lines& all,
                     std::vector<Crossing>& crossings) {
-  const Vec3d normal = cross(b - a, c - a);
-  if (normal[2] == 0) return;
   int first[2], last[2];
   for (int d = 0; d < 2; ++d) {
     first[d] = all.first(d, std::min({a[d], b[d], c[d]}));
@@ -79,11 +71,8 @@ void cross_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, int32_t part
   }
   for (int i = first[0]; i <= last[0]; ++i)
     for (int j = first[1]; j <= last[1]; ++j) {
-      const double x = all.place(0, i), y = all.place(1, j);
-      const bool left = is_left(a, b, x, y);
-      if (is_left(b, c, x, y) != left || is_left(c, a, x, y) != left) continue;
-      const double z = a[2] - (normal[0] * (x - a[0]) + normal[1] * (y - a[1])) / normal[2];
-      crossings.push_back({i * lines + j, z, part, left ? -1 : 1});
+      if (const auto hit = crossing(a, b, c, all.place(0, i), all.place(1, j)))
+        crossings.push_back({i * lines + j, hit->z, part, hit->turn});
     }
 }
 
