@@ -7,6 +7,7 @@ scenes need the program in build/.
 """
 import json
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -238,6 +239,34 @@ class Command(Case):
                 signal.signal(number, handler)
         self.assertRaises(errors.Interrupted, self._interrupted_folder)
         self.assertEqual(os.listdir(self.folder), [])
+
+    def test_json_takes_the_place_of_nothing_that_is_read_or_made(self):
+        folder, out = self.gns_set(), self.path("out")
+        kept = {file.name: file.read_bytes() for file in pathlib.Path(folder).iterdir()}
+        os.link(self.path("foreign", "train.npz"), self.path("link.json"))
+        for name in ("foreign/train.npz", "foreign/metadata.json", "link.json", "foreign/../foreign/train.npz"):
+            self.convert(folder, out, "--json", self.path(name), code=2, words="would overwrite the input")
+        for name in ("out", "out/train.h5", "out/dataset.json"):
+            self.convert(folder, out, "--json", self.path(name), code=2, words="would overwrite the output")
+        self.convert(folder, out, "--json", self.folder, code=5, words="it is a folder")
+        self.convert(folder, out, "--json", self.path("none", "a.json"), code=5, words="there is no folder")
+        self.assertEqual(sorted(os.listdir(self.folder)), ["foreign", "link.json"])
+        self.assertEqual(kept, {file.name: file.read_bytes() for file in pathlib.Path(folder).iterdir()})
+        self.convert(folder, out, "--json", self.path("out", "result.json"))
+        with open(self.path("out", "result.json"), encoding="utf-8") as file:
+            self.assertEqual(json.load(file)["from"], "gns")
+        self.assertEqual(sorted(os.listdir(out)), ["dataset.json", "metadata.json", "result.json", "train.h5"])
+
+    def test_json_is_whole_or_not_there(self):
+        from graupel_convert import outputs
+        os.symlink("/dev/full", self.path("full"))
+        self.refused(errors.OutputError, "Free space on that disk", outputs.write_text, self.path("full"), "{}")
+        outputs.write_text(self.path("a.json"), "{}")
+        with self.assertRaises(UnicodeEncodeError):  # an end in the middle
+            outputs.write_text(self.path("a.json"), "[]" * 100000 + "\ud800")
+        with open(self.path("a.json"), encoding="utf-8") as file:
+            self.assertEqual(file.read(), "{}")
+        self.assertEqual(sorted(os.listdir(self.folder)), ["a.json", "full"])
 
     def _interrupted_folder(self):
         with conversion.AsideFolder(self.path("out")) as folder:

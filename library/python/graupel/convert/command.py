@@ -7,9 +7,10 @@ import time
 import traceback
 
 from .conversion import Conversion
-from .errors import ConfigError, ConvertError, Interrupted, writing
+from .errors import ConfigError, ConvertError, Interrupted
 from .flags import make_parser
 from .metadata import json_text
+from .outputs import check_json_file, write_text
 from .scenes import Program
 from .series import SPLITS
 
@@ -84,8 +85,7 @@ def report(options, conversion):
     if options.json == "-":
         print(json.dumps(result, indent=2))
     elif options.json:
-        with writing(options.json), open(options.json, "w", encoding="utf-8") as file:
-            file.write(json_text(result))
+        write_text(options.json, json_text(result))
 
 
 def ended(code, message=""):
@@ -102,6 +102,7 @@ def main(arguments):
     sys.excepthook = sys.unraisablehook = lambda *_: None  # h5py reports there what it cannot close; errors are told below
     try:
         options = parse(arguments)
+        check_json_file(options)
         conversion = Conversion(options, Program(program_path()), Progress())
         conversion.run()
         report(options, conversion)
