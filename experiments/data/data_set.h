@@ -16,7 +16,7 @@ struct DataSetOptions {
   Device device = Device::cpu;
   Shard shard;
   int64_t batch = 0;                   ///< scenes that advance together; 0: the source's choice
-  int64_t minutes = 0;                 ///< start no scene after this time; 0: no limit
+  double minutes = 0;                  ///< start no scene after this time; 0: no limit
   double connectivity_radius = 0.035;  ///< written to metadata.json [m]
 };
 

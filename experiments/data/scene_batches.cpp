@@ -109,7 +109,8 @@ class SceneRunner {
   void finish(const Files& files, const std::vector<bool>& usable) const;
   void diverged(const SceneJob& job, const std::string& reason);
   bool time_is_up() const {
-    return options_.minutes > 0 && std::chrono::steady_clock::now() - start_ > std::chrono::minutes(options_.minutes);
+    return options_.minutes > 0 &&
+           std::chrono::steady_clock::now() - start_ > std::chrono::duration<double, std::ratio<60>>(options_.minutes);
   }
 
   const SceneSource& source_;

@@ -15,7 +15,7 @@ namespace graupel::experiments {
 struct SceneBatchOptions {
   Device device = Device::cpu;
   int64_t batch = 1;                                 ///< scenes that advance together
-  int64_t minutes = 0;                               ///< start no scene after this time; 0: no limit
+  double minutes = 0;                                ///< start no scene after this time; 0: no limit
   std::function<std::string(const SceneJob&)> file;  ///< where a scene goes
   std::function<void(const SceneJob&, const std::string& reason)> diverged;  ///< called by one thread at a time
 };

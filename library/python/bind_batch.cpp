@@ -7,6 +7,7 @@
 
 #include "core/parallel/start_task.h"
 #include "library/batch.h"
+#include "library/python/files.h"
 #include "library/python/gpu_array.h"
 
 namespace graupel::python {
@@ -19,9 +20,7 @@ class PyBatch {
           std::optional<std::vector<uint64_t>> seeds) {
     BatchSettings settings;
     settings.device = parse_device(device);
-    if (precision != "f32" && precision != "f64")
-      throw ConfigError("precision is not known ('" + precision + "', allowed: f32, f64). Choose one of these");
-    settings.f64 = precision == "f64";
+    settings.f64 = is_f64(precision);
     if (seeds) settings.seeds = std::move(*seeds);
     device_ = settings.device;
     const std::vector<Scene> all = scenes_of(scenes);
@@ -86,21 +85,22 @@ class PyBatch {
     return list([&](std::size_t i) { return nb::cast(batch_->divergence(i)); });
   }
   nb::list scenes() {
-    return list([&](std::size_t i) { return nb::cast(batch_->scene(i)); });
+    return list([&](std::size_t i) { return nb::cast(PyScene{batch_->scene(i), files_[i]}); });
   }
   std::size_t size() const { return batch_->size(); }
   int64_t frames_done() const { return batch_->frames_done(); }
 
  private:
-  static std::vector<Scene> scenes_of(const nb::iterable& scenes) {
+  std::vector<Scene> scenes_of(const nb::iterable& scenes) {
     std::vector<Scene> all;
     for (const nb::handle one : scenes) {
-      if (!nb::isinstance<Scene>(one))
+      if (!nb::isinstance<PyScene>(one))
         throw nb::type_error(("scene " + std::to_string(all.size()) + " of the batch is a '" +
                               std::string(nb::type_name(one.type()).c_str()) +
                               "' (allowed: graupel.Scene). Make it with Scene.from_dict() or Scene.from_file()")
                                  .c_str());
-      all.push_back(nb::cast<const Scene&>(one));
+      all.push_back(nb::cast<const PyScene&>(one));
+      files_.push_back(nb::cast<const PyScene&>(one).file);
     }
     return all;
   }
@@ -147,6 +147,7 @@ class PyBatch {
   }
 
   std::unique_ptr<Batch> batch_;
+  std::vector<std::string> files_;  ///< of the scenes
   Device device_ = Device::cpu;
   std::atomic<bool> busy_ = false;
 };
@@ -194,9 +195,10 @@ void bind_batch(nb::module_& module) {
                    "u8 [particles] of each scene: 0 for particles that are not in the run.")
       .def_prop_ro("particle_types", &PyBatch::particle_types,
                    nb::sig("def particle_types(self) -> list[numpy.ndarray]"), "i32 [particles] of each scene.")
-      .def_prop_ro(
-          "diverged", &PyBatch::diverged, nb::sig("def diverged(self) -> list[str | None]"),
-          "Why a scene blew up, \"scene 3 ('column'): ...\"; its arrays are then of no use. None while it runs.")
+      .def_prop_ro("diverged", &PyBatch::diverged, nb::sig("def diverged(self) -> list[str | None]"),
+                   "Of each scene why it blew up, \"scene 3 ('column'): ...\", its arrays are then of no use; None "
+                   "while it runs.\n\n"
+                   "any(batch.diverged) tells whether one did.")
       .def_prop_ro("frames_done", &PyBatch::frames_done, "Whole frames so far.")
       .def_prop_ro("scenes", &PyBatch::scenes, nb::sig("def scenes(self) -> list[Scene]"))
       .def("__len__", &PyBatch::size);

@@ -3,17 +3,17 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <filesystem>
+#include <limits>
+
 #include "library/graph.h"
+#include "library/python/arrays.h"
 #include "library/python/trajectory_frames.h"
 #include "library/rom.h"
 
 namespace graupel::python {
 
 namespace {
-
-std::string path_of(const nb::object& path) {
-  return nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
-}
 
 /// progress(frame), with the GIL.
 void report(const nb::object& progress, int64_t frame) {
@@ -22,18 +22,20 @@ void report(const nb::object& progress, int64_t frame) {
   progress(frame);
 }
 
-using History = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
-using Types = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu, nb::ndim<1>>;
-
 NetworkHistory history_of(nb::handle positions, nb::handle types) {
-  const nb::object numpy = nb::module_::import_("numpy");
-  const auto x = nb::cast<History>(numpy.attr("ascontiguousarray")(positions, "float32"));
-  const auto kinds = nb::cast<Types>(numpy.attr("ascontiguousarray")(types, "int32"));
-  if (x.ndim() != 3 || x.shape(2) != 3)
-    throw ConfigError("the history has the wrong shape (allowed: [frames, particles, 3]). Reshape it");
+  const auto x = array_from<float>("history", positions);
+  const auto kinds = array_from<int64_t>("particle_types", types);
+  const std::size_t n = x.ndim() == 3 ? x.shape(1) : 0;
+  check_shape("history", x, {n, 3}, "[frames, particles, 3]");
+  check_shape("particle_types", kinds, {}, "[particles]");
   NetworkHistory history;
-  history.particle_type.assign(kinds.data(), kinds.data() + kinds.shape(0));
-  const std::size_t n = x.shape(1);
+  for (std::size_t i = 0; i < kinds.shape(0); ++i) {
+    const int64_t kind = kinds.data()[i];
+    if (kind < 0 || kind > std::numeric_limits<int32_t>::max())
+      throw ConfigError("particle_types[" + std::to_string(i) + "] = " + std::to_string(kind) +
+                        " is no particle type (allowed: 0 and more). Correct it");
+    history.particle_type.push_back(static_cast<int32_t>(kind));
+  }
   for (std::size_t f = 0; f < x.shape(0); ++f) {
     const auto* frame = reinterpret_cast<const Vec3f*>(x.data()) + f * n;
     history.position.emplace_back(frame, frame + n);
@@ -47,11 +49,23 @@ struct PyNetwork {
   std::atomic<bool> busy = false;  ///< on a GPU one thread at a time
 };
 
-PyTrajectory roll_out(PyNetwork& network, const Scene& scene, std::optional<int64_t> frames, const std::string& device,
-                      std::optional<uint64_t> seed, double density_limit, bool free_flight, bool keep_out,
-                      const nb::object& progress) {
+/// In memory, with what it was made of.
+PyTrajectory made_of(Trajectory made, const PyScene& scene) {
+  std::vector<NamedFile> inputs = files_of(scene);
+  inputs.push_back({"the weights", std::filesystem::absolute(made.made_by).string()});
+  PyTrajectory trajectory = in_memory(std::move(made));
+  trajectory.inputs = std::move(inputs);
+  return trajectory;
+}
+
+PyTrajectory roll_out(PyNetwork& network, const PyScene& scene, std::optional<int64_t> frames,
+                      const std::string& device, std::optional<uint64_t> seed, double density_limit, bool free_flight,
+                      bool keep_out, const nb::object& progress) {
   const InUse in_use(network.busy);
   if (frames && *frames < 0) throw ConfigError("frames must not be negative. Use 0 or more");
+  if (!(density_limit >= 0 && density_limit <= 10))
+    throw ConfigError("density_limit is not possible (" + std::to_string(density_limit) +
+                      ", allowed: 0 to 10, of the density at rest; 0: none). Correct it");
   SignalPoll poll;
   NetworkRollout options;
   options.device = parse_device(device);
@@ -69,10 +83,10 @@ PyTrajectory roll_out(PyNetwork& network, const Scene& scene, std::optional<int6
     nb::gil_scoped_release release;
     made = network.model.rollout(scene, options);
   }
-  return in_memory(std::move(made));
+  return made_of(std::move(made), scene);
 }
 
-PyTrajectory run_reduced(const ReducedModel& model, const Scene& scene, std::optional<int64_t> frames,
+PyTrajectory run_reduced(const ReducedModel& model, const PyScene& scene, std::optional<int64_t> frames,
                          const std::string& device, const std::string& precision, std::optional<uint64_t> seed,
                          const nb::object& progress) {
   if (frames && *frames < 0) throw ConfigError("frames must not be negative. Use 0 or more");
@@ -82,8 +96,9 @@ PyTrajectory run_reduced(const ReducedModel& model, const Scene& scene, std::opt
   double trust = 0;
   {
     const Device place = parse_device(device);
+    const bool f64 = is_f64(precision);
     nb::gil_scoped_release release;
-    ReducedSimulation run(model, scene, {.device = place, .f64 = precision == "f64", .seed = seed});
+    ReducedSimulation run(model, scene, {.device = place, .f64 = f64, .seed = seed});
     made = run.header();
     made.frames.push_back(run.frame());
     for (int64_t frame = 1; frame <= frames.value_or(scene.frames); ++frame) {
@@ -100,7 +115,7 @@ PyTrajectory run_reduced(const ReducedModel& model, const Scene& scene, std::opt
     verdict = run.verdict();
     trust = run.trust_number();
   }
-  PyTrajectory trajectory = in_memory(std::move(made));
+  PyTrajectory trajectory = made_of(std::move(made), scene);
   trajectory.verdict = verdict;
   trajectory.trust_number = trust;
   return trajectory;
@@ -124,12 +139,13 @@ void bind_models(nb::module_& module) {
                   "= None, density_limit: float = 1.0, free_flight: bool = True, keep_out: bool = True, progress: "
                   "Callable[[int], object] | None = None) -> Trajectory"),
           "Frames from the scene's start on, default the scene's number.\n\n"
-          "density_limit: largest density, of that at rest, 0: none; free_flight: keep the momentum of what flies\n"
+          "density_limit: largest density, of that at rest, 0 to 10, 0: none; free_flight: keep the momentum of what "
+          "flies\n"
           "freely; keep_out: move particles out of obstacles and into the walls. progress(frame) after each frame.\n"
           "A rollout that blows up ends before that frame (Trajectory.diverged_at_frame). Raises ConfigError.")
       .def(
           "start",
-          [](const PyNetwork& network, const Scene& scene, std::optional<uint64_t> seed) {
+          [](const PyNetwork& network, const PyScene& scene, std::optional<uint64_t> seed) {
             NetworkHistory start = network.model.start(scene, seed);
             const std::size_t frames = start.position.size(), n = start.particle_type.size();
             std::vector<float> all;
@@ -144,7 +160,7 @@ void bind_models(nb::module_& module) {
           "Positions [history + 1, n, 3] m up to the scene's start, newest last, and particle types [n].")
       .def(
           "features",
-          [](const PyNetwork& network, const Scene& scene, nb::object history, nb::object types) {
+          [](const PyNetwork& network, const PyScene& scene, nb::object history, nb::object types) {
             NetworkInput input = network.model.input(scene, history_of(history, types));
             const std::size_t n = input.embedding_row.size(), width = input.width;
             return nb::make_tuple(array_of(std::move(input.features), {n, width}),
@@ -158,7 +174,7 @@ void bind_models(nb::module_& module) {
           "them.")
       .def(
           "accelerations",
-          [](const PyNetwork& network, const Scene& scene, nb::object history, nb::object types) {
+          [](const PyNetwork& network, const PyScene& scene, nb::object history, nb::object types) {
             const NetworkHistory known = history_of(history, types);
             auto made = std::make_shared<std::vector<Vec3f>>();
             {
@@ -172,7 +188,7 @@ void bind_models(nb::module_& module) {
                   "numpy.ndarray"),
           "[n, 3] m/frame^2 of the next frame, before all corrections: x' = 2 x - x_before + a.")
       .def(
-          "remarks", [](const PyNetwork& network, const Scene& scene) { return network.model.remarks(scene); },
+          "remarks", [](const PyNetwork& network, const PyScene& scene) { return network.model.remarks(scene); },
           "scene"_a, "What of a scene the network was not trained on, a sentence each.");
 
   nb::class_<ReducedModel>(module, "ReducedModel", "A reduced-order model (NSF, CROM) of a weights file.")
@@ -181,7 +197,12 @@ void bind_models(nb::module_& module) {
           [](ReducedModel* place, const nb::object& weights) { new (place) ReducedModel(path_of(weights)); },
           "weights"_a, nb::sig("def __init__(self, weights: str | os.PathLike) -> None"),
           "Raises InputError for a file that is missing, damaged or holds no reduced-order model.")
-      .def_prop_ro("scene", &ReducedModel::scene, "The scene of a training run, which every run starts from.")
+      .def_prop_ro(
+          "scene",
+          [](const ReducedModel& model) {
+            return PyScene{model.scene(), ""};
+          },
+          "The scene of a training run, which every run starts from.")
       .def_prop_ro(
           "parameters",
           [](const ReducedModel& model) {
@@ -199,8 +220,9 @@ void bind_models(nb::module_& module) {
           },
           nb::sig("def parameters(self) -> list[dict]"),
           "Keys of the scene that may differ from run to run: name, unit, keys, and the training's low, high.")
-      .def("remarks", &ReducedModel::remarks, "scene"_a,
-           "What of a scene the model was not trained on. Raises ConfigError for a scene that it cannot run.")
+      .def(
+          "remarks", [](const ReducedModel& model, const PyScene& scene) { return model.remarks(scene); }, "scene"_a,
+          "What of a scene the model was not trained on. Raises ConfigError for a scene that it cannot run.")
       .def(
           "rollout", &run_reduced, "scene"_a, "frames"_a = nb::none(), nb::kw_only(), "device"_a = "cpu",
           "precision"_a = "f32", "seed"_a = nb::none(), "progress"_a = nb::none(),

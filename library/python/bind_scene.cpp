@@ -4,48 +4,24 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
+#include <filesystem>
 
 #include "library/io.h"
 #include "library/particle_state.h"
-#include "library/python/binding.h"
+#include "library/python/arrays.h"
+#include "library/python/files.h"
 
 namespace graupel::python {
 
 namespace {
 
-using Numbers = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-
-/// Anything that NumPy makes an array of; f64, in C order. No copy where it is that already.
-template <typename Array>
-Array array_from(const char* name, nb::handle values, const char* type) {
-  try {
-    return nb::cast<Array>(nb::module_::import_("numpy").attr("ascontiguousarray")(values, type));
-  } catch (const nb::python_error& error) {
-    throw ConfigError(std::string(name) + " is no array of numbers (" + error.what() + "). Give a NumPy array");
-  }
-}
-Numbers numbers_from(const char* name, nb::handle values) { return array_from<Numbers>(name, values, "float64"); }
-
-std::string shape_text(const Numbers& array) {
-  std::string text;
-  for (std::size_t d = 0; d < array.ndim(); ++d) text += (d == 0 ? "" : ", ") + std::to_string(array.shape(d));
-  return "[" + text + "]";
-}
-
-/// Throws ConfigError for an array that is not [n, tail..]; one entry a particle is checked by with_particles().
-void check_shape(const char* name, const Numbers& array, const std::vector<std::size_t>& tail, const char* allowed) {
-  bool fits = array.ndim() == tail.size() + 1;
-  for (std::size_t d = 0; fits && d < tail.size(); ++d) fits = array.shape(d + 1) == tail[d];
-  if (!fits)
-    throw ConfigError(std::string(name) + " has the wrong shape (" + shape_text(array) + ", allowed: " + allowed +
-                      "). Reshape it");
-}
+using Numbers = Array<double>;
 
 /// [n, 3], and of scenes with two dimensions also [n, 2].
 std::vector<Vec3d> vectors_of(const char* name, nb::handle values, bool plane = false) {
   std::vector<Vec3d> vectors;
   if (values.is_none()) return vectors;
-  const Numbers array = numbers_from(name, values);
+  const Numbers array = array_from<double>(name, values);
   const bool flat = plane && array.ndim() == 2 && array.shape(1) == 2;
   if (!flat) check_shape(name, array, {3}, plane ? "[particles, 2] or [particles, 3]" : "[n, 3]");
   const std::size_t width = flat ? 2 : 3;
@@ -58,7 +34,7 @@ std::vector<Vec3d> vectors_of(const char* name, nb::handle values, bool plane = 
 std::vector<Mat3d> matrices_of(const char* name, nb::handle values) {
   std::vector<Mat3d> matrices;
   if (values.is_none()) return matrices;
-  const Numbers array = numbers_from(name, values);
+  const Numbers array = array_from<double>(name, values);
   check_shape(name, array, {3, 3}, "[particles, 3, 3]");
   matrices.resize(array.shape(0));
   for (std::size_t i = 0; i < matrices.size(); ++i)
@@ -68,7 +44,7 @@ std::vector<Mat3d> matrices_of(const char* name, nb::handle values) {
 
 std::vector<double> numbers_of(const char* name, nb::handle values) {
   if (values.is_none()) return {};
-  const Numbers array = numbers_from(name, values);
+  const Numbers array = array_from<double>(name, values);
   check_shape(name, array, {}, "[particles]");
   return {array.data(), array.data() + array.shape(0)};
 }
@@ -90,8 +66,8 @@ std::vector<std::string> materials_of(const Scene& scene, nb::handle materials) 
   if (nb::isinstance<nb::str>(materials)) return {nb::cast<std::string>(materials)};
   std::vector<std::string> names;
   if (nb::try_cast(materials, names)) return names;
-  using Indices = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu, nb::ndim<1>>;
-  const Indices indices = array_from<Indices>("materials", materials, "int64");
+  const auto indices = array_from<int64_t>("materials", materials);
+  check_shape("materials", indices, {}, "[particles]");
   for (std::size_t i = 0; i < indices.shape(0); ++i) {
     const int64_t index = indices.data()[i];
     if (index < 0 || index >= static_cast<int64_t>(known.size()))
@@ -103,9 +79,9 @@ std::vector<std::string> materials_of(const Scene& scene, nb::handle materials) 
   return names;
 }
 
-Scene with_arrays(const Scene& scene, nb::object positions, nb::object materials, nb::object velocities,
-                  nb::object deformation_gradients, nb::object affine_velocities, nb::object plastic,
-                  nb::object volumes) {
+PyScene with_arrays(const PyScene& scene, nb::object positions, nb::object materials, nb::object velocities,
+                    nb::object deformation_gradients, nb::object affine_velocities, nb::object plastic,
+                    nb::object volumes) {
   const bool plane = scene.domain.is_plane();
   ParticleState state;
   state.position = vectors_of("positions", positions, plane);
@@ -115,22 +91,20 @@ Scene with_arrays(const Scene& scene, nb::object positions, nb::object materials
   state.plastic = numbers_of("plastic", plastic);
   state.volume = numbers_of("volumes", volumes);
   state.material = materials_of(scene, materials);
-  return with_particles(scene, std::move(state));
+  return {with_particles(scene, std::move(state)), scene.file};
 }
 
 /// An obstacle of triangles in memory.
-Scene with_mesh(const Scene& scene, nb::object vertices, nb::object corner_numbers,
-                const std::array<double, 3>& position, const std::string& contact, double friction) {
-  using Triangles = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
-  const auto triangles = array_from<Triangles>("triangles", corner_numbers, "int64");
+PyScene with_mesh(const PyScene& scene, nb::object vertices, nb::object corner_numbers,
+                  const std::array<double, 3>& position, const std::string& contact, double friction) {
+  const auto triangles = array_from<int64_t>("triangles", corner_numbers);
   auto mesh = std::make_shared<TriangleMesh>();
   mesh->vertices = vectors_of("vertices", vertices);
   for (std::size_t i = 0; i < mesh->vertices.size(); ++i)
     for (int d = 0; d < 3; ++d)
       if (!std::isfinite(mesh->vertices[i][d]))
         throw ConfigError("vertices[" + std::to_string(i) + "] is not finite. Correct the mesh");
-  if (triangles.ndim() != 2 || triangles.shape(1) != 3)
-    throw ConfigError("triangles has the wrong shape (allowed: [triangles, 3]). Split other polygons into triangles");
+  check_shape("triangles", triangles, {3}, "[triangles, 3]");
   for (std::size_t t = 0; t < triangles.shape(0); ++t) {
     std::array<int32_t, 3> corners;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -152,57 +126,47 @@ Scene with_mesh(const Scene& scene, nb::object vertices, nb::object corner_numbe
     if (contact == word) obstacle.contact = value, known = true;
   if (!known)
     throw ConfigError("contact is not known ('" + contact + "', allowed: stick, slip, separate). Choose one of these");
-  if (!(friction >= 0))
-    throw ConfigError("friction must not be negative (" + std::to_string(friction) + "). Use 0 or more");
-  Scene with = scene;
+  if (!(friction >= 0 && std::isfinite(friction)))
+    throw ConfigError("friction is not possible (" + std::to_string(friction) +
+                      ", allowed: 0 or more, finite). Correct it");
+  for (const double x : position)
+    if (!std::isfinite(x)) throw ConfigError("position is not finite (" + std::to_string(x) + "). Correct it");
+  PyScene with = scene;
   with.obstacles.push_back(obstacle);
   return with;
 }
 
 nb::tuple tuple_of(const Vec3d& v) { return nb::make_tuple(v[0], v[1], v[2]); }
 
-/// JSON of dicts and lists that may hold NumPy's numbers and arrays.
-std::string json_of(nb::handle value) {
-  const nb::object plain = nb::cpp_function([](nb::handle item) {
-    for (const char* way : {"tolist", "__fspath__"})
-      if (nb::hasattr(item, way)) return item.attr(way)();
-    throw ConfigError("a scene's dict holds a " + nb::cast<std::string>(nb::str(item.type())) +
-                      " (allowed: dict, list, str, numbers, bool, None, NumPy arrays). Convert it");
-  });
-  return nb::cast<std::string>(nb::module_::import_("json").attr("dumps")(value, nb::arg("default") = plain));
-}
+nb::module_ plain() { return nb::module_::import_("graupel._plain"); }
 
-/// {"domain.dx": 0.02} as "domain.dx=0.02".
 std::vector<std::string> changes_of(nb::handle changes) {
-  std::vector<std::string> words;
-  if (changes.is_none()) return words;
-  for (const auto& [key, value] : nb::cast<nb::dict>(changes))
-    words.push_back(nb::cast<std::string>(nb::str(key)) + "=" + json_of(value));
-  return words;
+  return nb::cast<std::vector<std::string>>(plain().attr("change_words")(changes));
 }
 
-Scene scene_from_file(nb::object path, nb::object changes) {
-  const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+PyScene scene_from_file(nb::object path, nb::object changes) {
+  const std::string file = path_of(path);
   const std::vector<std::string> words = changes_of(changes);
   nb::gil_scoped_release release;
-  return io::read_scene(file, words);
+  return {io::read_scene(file, words), std::filesystem::absolute(file).string()};
 }
 
-Scene scene_from_dict(nb::handle keys, nb::object folder, nb::object changes) {
-  const std::string text = json_of(keys),
-                    place = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(folder));
+PyScene scene_from_dict(nb::handle keys, nb::object folder, nb::object changes) {
+  const auto text = nb::cast<std::string>(plain().attr("json_text")(keys));
+  const std::string place = path_of(folder);
   const std::vector<std::string> words = changes_of(changes);
   nb::gil_scoped_release release;
-  return io::parse_scene(text, "scene", place, words);
+  return {io::parse_scene(text, "scene", place, words), ""};
 }
 
 }  // namespace
 
 void bind_scene(nb::module_& module) {
   using namespace nb::literals;
-  nb::class_<Scene>(module, "Scene",
-                    "A checked scene: domain, materials, sources, obstacles, time step. It never changes.\n\n"
-                    "docs/reference/scene_format.md lists the keys. Made by from_file(), from_dict() or SceneBuilder.")
+  nb::class_<PyScene>(
+      module, "Scene",
+      "A checked scene: domain, materials, sources, obstacles, time step. It never changes.\n\n"
+      "docs/reference/scene_format.md lists the keys. Made by from_file(), from_dict() or SceneBuilder.")
       .def_static("from_file", &scene_from_file, "path"_a, "changes"_a = nb::none(),
                   nb::sig("def from_file(path: str | os.PathLike, changes: dict | None = None) -> Scene"),
                   "Reads a scene file. changes: {'domain.dx': 0.02} sets keys before the checks.\n\n"
@@ -214,7 +178,7 @@ void bind_scene(nb::module_& module) {
                   "Checks a dict with the keys of a scene file. Relative paths of meshes start at folder.")
       .def(
           "to_dict",
-          [](const Scene& scene) { return nb::module_::import_("json").attr("loads")(io::scene_to_json(scene)); },
+          [](const PyScene& scene) { return nb::module_::import_("json").attr("loads")(io::scene_to_json(scene)); },
           nb::sig("def to_dict(self) -> dict"),
           "Every key with its value, defaults included. Arrays of with_particles() and with_mesh() are not in it.")
       .def(
@@ -239,31 +203,33 @@ void bind_scene(nb::module_& module) {
            "The scene with an obstacle of triangles in memory.\n\n"
            "vertices [n, 3] m, triangles [m, 3] numbers of vertices, counter-clockwise seen from outside, closed.\n"
            "contact: 'separate', 'slip' or 'stick'; friction: Coulomb's coefficient. Files: key 'obstacles' of a dict.")
-      .def_prop_ro("name", [](const Scene& scene) { return scene.name; })
+      .def_prop_ro("name", [](const PyScene& scene) { return scene.name; })
       .def_prop_ro(
-          "frames", [](const Scene& scene) { return scene.frames; }, "Frames after the first.")
+          "frames", [](const PyScene& scene) { return scene.frames; }, "Frames after the first.")
       .def_prop_ro(
-          "frame_time", [](const Scene& scene) { return scene.frame_time; }, "Time between frames [s].")
+          "frame_time", [](const PyScene& scene) { return scene.frame_time; }, "Time between frames [s].")
       .def_prop_ro(
-          "dx", [](const Scene& scene) { return scene.domain.dx; }, "Grid spacing [m].")
+          "dx", [](const PyScene& scene) { return scene.domain.dx; }, "Grid spacing [m].")
       .def_prop_ro(
-          "dimensions", [](const Scene& scene) { return scene.domain.dimensions; }, "2 or 3.")
+          "dimensions", [](const PyScene& scene) { return scene.domain.dimensions; }, "2 or 3.")
       .def_prop_ro(
-          "seed", [](const Scene& scene) { return scene.seed; }, "Of the particle sampling.")
+          "seed", [](const PyScene& scene) { return scene.seed; }, "Of the particle sampling.")
       .def_prop_ro(
-          "origin", [](const Scene& scene) { return tuple_of(scene.domain.origin); }, "Lower corner of the domain [m].")
+          "origin", [](const PyScene& scene) { return tuple_of(scene.domain.origin); },
+          "Lower corner of the domain [m].")
       .def_prop_ro(
-          "size", [](const Scene& scene) { return tuple_of(scene.domain.size); }, "Edges of the domain [m].")
+          "size", [](const PyScene& scene) { return tuple_of(scene.domain.size); }, "Edges of the domain [m].")
       .def_prop_ro(
-          "gravity", [](const Scene& scene) { return tuple_of(scene.gravity); }, "[m/s^2].")
+          "gravity", [](const PyScene& scene) { return tuple_of(scene.gravity); }, "[m/s^2].")
       .def_prop_ro(
-          "wall_low", [](const Scene& scene) { return tuple_of(scene.wall_low()); },
+          "wall_low", [](const PyScene& scene) { return tuple_of(scene.wall_low()); },
           "Lower corner of the box that holds the material [m].")
       .def_prop_ro(
-          "wall_high", [](const Scene& scene) { return tuple_of(scene.wall_high()); },
+          "wall_high", [](const PyScene& scene) { return tuple_of(scene.wall_high()); },
           "Upper corner of the box that holds the material [m].")
-      .def_prop_ro("materials", &names_of, "Names of the materials, sorted.")
-      .def("__repr__", [](const Scene& scene) {
+      .def_prop_ro(
+          "materials", [](const PyScene& scene) { return names_of(scene); }, "Names of the materials, sorted.")
+      .def("__repr__", [](const PyScene& scene) {
         return "<graupel.Scene '" + scene.name + "': " + std::to_string(scene.sources.size()) + " sources, " +
                std::to_string(scene.obstacles.size()) + " obstacles, " + std::to_string(scene.frames) + " frames>";
       });

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "library/io.h"
+#include "library/python/files.h"
 #include "library/python/gpu_array.h"
 
 namespace graupel::python {
@@ -24,13 +25,12 @@ nb::ndarray<nb::numpy, const double> vectors_of(const std::vector<ContactForce>&
 
 class PySimulation {
  public:
-  PySimulation(const Scene& scene, const std::string& device, const std::string& precision,
-               std::optional<uint64_t> seed, bool forces) {
+  PySimulation(const PyScene& scene, const std::string& device, const std::string& precision,
+               std::optional<uint64_t> seed, bool forces)
+      : inputs_(files_of(scene)), file_(scene.file) {
     SimulationSettings settings;
     settings.device = parse_device(device);
-    if (precision != "f32" && precision != "f64")
-      throw ConfigError("precision is not known ('" + precision + "', allowed: f32, f64). Choose one of these");
-    settings.f64 = precision == "f64";
+    settings.f64 = is_f64(precision);
     settings.seed = seed;
     settings.contact_forces = forces;
     on_gpu_ = settings.device == Device::cuda;
@@ -127,7 +127,19 @@ class PySimulation {
   double time() const { return run_->time(); }
   int64_t substeps() const { return run_->substeps(); }
   std::size_t particle_count() const { return run_->particle_count(); }
-  const Simulation& simulation() const { return *run_; }
+  PyScene scene() const { return {run_->scene(), file_}; }
+  /// What the run was made of.
+  const std::vector<NamedFile>& inputs() const { return inputs_; }
+  /// A copy of the state now.
+  ParticleFrame frame(FieldSet wanted) {
+    const InUse in_use(busy_);
+    nb::gil_scoped_release release;
+    return run_->frame(wanted);
+  }
+  Trajectory header() {
+    const InUse in_use(busy_);
+    return run_->header();
+  }
 
  private:
   void advance() {
@@ -137,6 +149,8 @@ class PySimulation {
   }
 
   std::unique_ptr<Simulation> run_;
+  std::vector<NamedFile> inputs_;
+  std::string file_;  ///< of the scene
   bool on_gpu_ = false;
   std::atomic<bool> busy_ = false;
 };
@@ -144,26 +158,41 @@ class PySimulation {
 /// Writes a run to a file while it goes on.
 class PyWriter {
  public:
-  PyWriter(const nb::object& path, const PySimulation& simulation, const std::string& fields, bool velocity)
+  PyWriter(const nb::object& path, PySimulation& simulation, const std::string& fields, bool velocity)
       : fields_(FieldSet::parse(fields)) {
     io::TrajectoryWriteOptions options;
     options.velocity = velocity;
     options.fields = fields_;
-    options.active = simulation.simulation().scene().has_inactive_particles();
-    const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
-    writer_ = std::make_unique<io::TrajectoryWriter>(file, simulation.simulation().header(), options);
+    options.active = simulation.scene().has_inactive_particles();
+    const std::string file = path_of(path);
+    check_output(file, simulation.inputs());
+    particle_count_ = simulation.particle_count();
+    writer_ = std::make_unique<io::TrajectoryWriter>(file, simulation.header(), options);
   }
-  void append(const PySimulation& simulation) {
+  void append(PySimulation& simulation) {
+    const InUse in_use(busy_);
     io::TrajectoryWriter& writer = open();
+    if (simulation.particle_count() != particle_count_)
+      throw ConfigError("a run of " + std::to_string(simulation.particle_count()) +
+                        " particles does not go into this file (allowed: " + std::to_string(particle_count_) +
+                        ", as of the run that its writer was made for). Make a writer of its own");
+    const ParticleFrame frame = simulation.frame(fields_);
     nb::gil_scoped_release release;
-    writer.append(simulation.simulation().frame(fields_));
+    writer.append(frame);
   }
   void finish(int64_t diverged_at_frame) {
-    open().finish(diverged_at_frame);
+    const InUse in_use(busy_);
+    io::TrajectoryWriter& writer = open();
+    nb::gil_scoped_release release;
+    writer.finish(diverged_at_frame);
     writer_.reset();
   }
-  void close() { writer_.reset(); }
-  bool is_open() const { return writer_ != nullptr; }
+  /// The end of a with block; `whole` where it ended without an exception.
+  void leave(bool whole) {
+    if (whole && writer_) finish(-1);
+    const InUse in_use(busy_);
+    writer_.reset();
+  }
 
  private:
   io::TrajectoryWriter& open() {
@@ -171,7 +200,9 @@ class PyWriter {
     return *writer_;
   }
   FieldSet fields_;
+  std::size_t particle_count_ = 0;
   std::unique_ptr<io::TrajectoryWriter> writer_;
+  std::atomic<bool> busy_ = false;
 };
 
 }  // namespace
@@ -185,7 +216,7 @@ void bind_simulation(nb::module_& module) {
       "One Python thread at a time may use a run; a second one gets a RuntimeError.\n"
       "Arrays are read-only views without a copy of the state when they were asked for. They stay\n"
       "valid and unchanged after later frames and after the run's end. Those of a run on a GPU are there (GpuArray).")
-      .def(nb::init<const Scene&, const std::string&, const std::string&, std::optional<uint64_t>, bool>(), "scene"_a,
+      .def(nb::init<const PyScene&, const std::string&, const std::string&, std::optional<uint64_t>, bool>(), "scene"_a,
            "device"_a = "cpu", "precision"_a = "f32", "seed"_a = nb::none(), "forces"_a = false,
            "Samples the sources and builds the obstacles.\n\n"
            "device: 'cpu', 'cuda' or 'auto'; precision: 'f32' or 'f64' (CPU alone); seed of the particle sampling,\n"
@@ -224,7 +255,7 @@ void bind_simulation(nb::module_& module) {
       .def_prop_ro("time", &PySimulation::time, "[s].")
       .def_prop_ro("substeps", &PySimulation::substeps, "So far.")
       .def_prop_ro("particle_count", &PySimulation::particle_count)
-      .def_prop_ro("scene", [](const PySimulation& run) { return run.simulation().scene(); })
+      .def_prop_ro("scene", &PySimulation::scene)
       .def(
           "_on_device",
           [](const PySimulation& run, const std::string& name) {
@@ -236,22 +267,21 @@ void bind_simulation(nb::module_& module) {
 
   nb::class_<PyWriter>(module, "TrajectoryWriter",
                        "Writes a run to an HDF5 file frame by frame; a context manager.\n\n"
-                       "The file is path.part until finish(); after an exception the frames stay there.")
-      .def(nb::init<const nb::object&, const PySimulation&, const std::string&, bool>(), "path"_a, "simulation"_a,
+                       "The file is path.part until finish(); after an exception the frames stay there.\n"
+                       "One Python thread at a time may use it; a second one gets a RuntimeError.")
+      .def(nb::init<const nb::object&, PySimulation&, const std::string&, bool>(), "path"_a, "simulation"_a,
            "fields"_a = "", "velocities"_a = true,
            nb::sig("def __init__(self, path: str | os.PathLike, simulation: Simulation, fields: str = '', velocities: "
                    "bool = True) -> None"),
-           "fields: names of Simulation.field(), comma-separated. Raises IoError.")
-      .def("append", &PyWriter::append, "simulation"_a, "Adds the state now as a frame. Raises IoError.")
+           "fields: names of Simulation.field(), comma-separated. Raises IoError, also for a folder or a\n"
+           "device, and ConfigError for a file that the scene was read from.")
+      .def("append", &PyWriter::append, "simulation"_a,
+           "Adds the state now as a frame. Raises IoError, and ConfigError for a run with another number of particles.")
       .def("finish", &PyWriter::finish, "diverged_at_frame"_a = -1, "Completes the file and gives it its name.")
       .def(
           "__enter__", [](PyWriter& writer) -> PyWriter& { return writer; }, nb::rv_policy::reference)
       .def(
-          "__exit__",
-          [](PyWriter& writer, nb::handle type, nb::handle, nb::handle) {
-            if (type.is_none() && writer.is_open()) writer.finish(-1);
-            writer.close();
-          },
+          "__exit__", [](PyWriter& writer, nb::handle type, nb::handle, nb::handle) { writer.leave(type.is_none()); },
           "type"_a.none(), "value"_a.none(), "traceback"_a.none());
 }
 

@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <filesystem>
 #include <mutex>
 
 #include "library/python/trajectory_frames.h"
@@ -42,9 +43,13 @@ class FileFrames final : public TrajectoryFrames {
     const std::lock_guard lock(file_->mutex);
     return file_->reader.parameters(index_);
   }
-  std::string attribute(const std::string& name) const override {
+  std::vector<std::string> contact_names() const override {
     const std::lock_guard lock(file_->mutex);
-    return file_->reader.attribute(index_, name);
+    return file_->reader.contact_names(index_);
+  }
+  std::vector<std::vector<ContactForce>> contact_forces() const override {
+    const std::lock_guard lock(file_->mutex);
+    return file_->reader.contact_forces(index_);
   }
 
  private:
@@ -67,7 +72,7 @@ class MemoryFrames final : public TrajectoryFrames {
 };
 
 std::shared_ptr<OpenFile> open_file(const nb::object& path) {
-  const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+  const std::string file = path_of(path);
   nb::gil_scoped_release release;
   return std::make_shared<OpenFile>(file);
 }
@@ -78,11 +83,22 @@ PyTrajectory trajectory_of(const std::shared_ptr<OpenFile>& file, int64_t index)
   if (index < 0 || index >= count)
     throw nb::index_error(("'" + file->path + "' has " + std::to_string(count) + " trajectories").c_str());
   const std::lock_guard lock(file->mutex);
-  return {file->reader.header(static_cast<int>(index)), std::make_shared<FileFrames>(file, static_cast<int>(index)),
-          file->path};
+  return {file->reader.header(static_cast<int>(index)),
+          std::make_shared<FileFrames>(file, static_cast<int>(index)),
+          file->path,
+          {},
+          {},
+          {{"the trajectory", std::filesystem::absolute(file->path).string()}}};
 }
 
-int64_t place_of(int64_t index, int64_t size) {
+/// Raises TypeError for what is no whole number, IndexError for a frame that is not there.
+int64_t place_of(nb::handle number, int64_t size) {
+  if (PyIndex_Check(number.ptr()) == 0)
+    throw nb::type_error(("frames are indexed by a '" + std::string(nb::type_name(number.type()).c_str()) +
+                          "' (allowed: int, slice). Index the array of a frame for the rest: x[frame][..]")
+                             .c_str());
+  const int64_t index = PyNumber_AsSsize_t(number.ptr(), PyExc_IndexError);
+  if (index == -1 && PyErr_Occurred() != nullptr) throw nb::python_error();
   const int64_t place = index < 0 ? index + size : index;
   if (place < 0 || place >= size)
     throw nb::index_error(("frame " + std::to_string(index) + " of " + std::to_string(size)).c_str());
@@ -123,8 +139,7 @@ struct FrameArrays {
     return trajectory.frames->frames(first, count, quantity == Quantity::field ? FieldSet{wanted} : FieldSet{});
   }
   nb::object get(const nb::object& index) const {
-    if (!nb::isinstance<nb::slice>(index))
-      return of_frame(read(place_of(nb::cast<int64_t>(index), trajectory.size()), 1).front());
+    if (!nb::isinstance<nb::slice>(index)) return of_frame(read(place_of(index, trajectory.size()), 1).front());
     const auto [start, stop, step, length] =
         nb::cast<nb::slice>(index).compute(static_cast<std::size_t>(trajectory.size()));
     nb::list rows;
@@ -153,9 +168,13 @@ struct FrameArrays {
 };
 
 void write(const PyTrajectory& trajectory, const nb::object& path, bool velocities) {
-  const std::string file = nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+  const std::string file = path_of(path);
+  check_output(file, trajectory.inputs);
   io::TrajectoryWriteOptions options;
   options.fields = trajectory.frames->fields();
+  options.contacts = trajectory.frames->contact_names();
+  const std::vector<std::vector<ContactForce>> forces = trajectory.frames->contact_forces();
+  const std::vector<io::NamedValue> parameters = trajectory.frames->parameters();
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const auto frame = trajectory.frames->frames(i, 1, {}).front();
     if (i == 0) options.velocity = velocities && !frame->velocity.empty();
@@ -163,10 +182,12 @@ void write(const PyTrajectory& trajectory, const nb::object& path, bool velociti
   }
   SignalPoll poll;
   io::TrajectoryWriter writer(file, trajectory.header, options);
+  if (!parameters.empty()) writer.parameters(parameters);
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const auto frame = trajectory.frames->frames(i, 1, options.fields).front();
     nb::gil_scoped_release release;
     writer.append(*frame);
+    if (!options.contacts.empty()) writer.append_forces(forces[static_cast<std::size_t>(i)]);
     poll();
   }
   writer.finish(trajectory.header.diverged_at_frame);
@@ -174,7 +195,7 @@ void write(const PyTrajectory& trajectory, const nb::object& path, bool velociti
 
 nb::object scene_dict(const PyTrajectory& trajectory) {
   if (trajectory.header.scene_json.empty()) return nb::dict();
-  return nb::module_::import_("json").attr("loads")(trajectory.header.scene_json);
+  return nb::module_::import_("json").attr("loads")(text_of(trajectory.header.scene_json));
 }
 
 nb::ndarray<nb::numpy, const int32_t> materials_of(const PyTrajectory& trajectory) {
@@ -248,10 +269,10 @@ void bind_trajectory(nb::module_& module) {
       .def("__len__", &PyTrajectory::size)
       .def(
           "__getitem__",
-          [](const PyTrajectory& t, int64_t index) {
+          [](const PyTrajectory& t, const nb::object& index) {
             return PyFrame{t.frames->frames(place_of(index, t.size()), 1, {}).front()};
           },
-          "index"_a)
+          "index"_a, nb::sig("def __getitem__(self, index: int) -> Frame"))
       .def_prop_ro(
           "positions",
           [](const PyTrajectory& t) {
@@ -307,7 +328,7 @@ void bind_trajectory(nb::module_& module) {
       .def_prop_ro(
           "seed", [](const PyTrajectory& t) { return t.header.seed; }, "Of the particle sampling.")
       .def_prop_ro(
-          "made_by", [](const PyTrajectory& t) { return t.header.made_by; }, "'mpm', or the weights file.")
+          "made_by", [](const PyTrajectory& t) { return text_of(t.header.made_by); }, "'mpm', or the weights file.")
       .def_prop_ro(
           "diverged_at_frame", [](const PyTrajectory& t) { return t.header.diverged_at_frame; },
           "First frame that is not usable; -1 for none.")
@@ -316,7 +337,10 @@ void bind_trajectory(nb::module_& module) {
       .def_prop_ro("scene_dict", &scene_dict, nb::sig("def scene_dict(self) -> dict"), "The stored scene; {} for none.")
       .def_prop_ro(
           "scene",
-          [](const PyTrajectory& t) { return io::parse_stored_scene(t.header.scene_json, "stored scene", t.file); },
+          [](const PyTrajectory& t) {
+            const std::string file = t.file.empty() ? "" : std::filesystem::absolute(t.file).string();
+            return PyScene{io::parse_stored_scene(t.header.scene_json, "stored scene", t.file), file};
+          },
           "The stored scene, with its meshes read. Raises ConfigError, InputError where they are missing.")
       .def_prop_ro(
           "obstacles",
@@ -326,7 +350,7 @@ void bind_trajectory(nb::module_& module) {
           "parameters",
           [](const PyTrajectory& t) {
             nb::dict values;
-            for (const io::NamedValue& p : t.frames->parameters()) values[p.name.c_str()] = p.value;
+            for (const io::NamedValue& p : t.frames->parameters()) values[text_of(p.name)] = p.value;
             return values;
           },
           nb::sig("def parameters(self) -> dict[str, float]"), "Of the run in its data set, by name.")
@@ -339,10 +363,11 @@ void bind_trajectory(nb::module_& module) {
           "Error indicator of the last frame; up to 1 as in training.")
       .def("write", &write, "path"_a, "velocities"_a = true,
            nb::sig("def write(self, path: str | os.PathLike, velocities: bool = True) -> None"),
-           "Writes all frames to an HDF5 file. Raises IoError.")
+           "Writes all frames to an HDF5 file, with their fields, forces and parameters.\n\n"
+           "Raises IoError, also for a folder or a device, and ConfigError for a file that it was made of.")
       .def("__repr__", [](const PyTrajectory& t) {
-        return "<graupel.Trajectory: " + std::to_string(t.size()) + " frames of " +
-               std::to_string(t.header.particle_count()) + " particles, made by '" + t.header.made_by + "'>";
+        return text_of("<graupel.Trajectory: " + std::to_string(t.size()) + " frames of " +
+                       std::to_string(t.header.particle_count()) + " particles, made by '" + t.header.made_by + "'>");
       });
 
   nb::class_<OpenFile>(module, "DataSet", "The trajectories of a file, a sequence of Trajectory.")

@@ -58,6 +58,13 @@ inline ParticleField field_named(const std::string& name) {
   throw ConfigError("one field at a time ('" + name + "'). Ask for each alone");
 }
 
+/// Throws ConfigError for another word than f32 and f64.
+inline bool is_f64(const std::string& precision) {
+  if (precision != "f32" && precision != "f64")
+    throw ConfigError("precision is not known ('" + precision + "', allowed: f32, f64). Choose one of these");
+  return precision == "f64";
+}
+
 /// A stored field with the shape that fits it: stress [n, 6], affine and deformation_gradient [n, 3, 3], plastic [n].
 template <typename Owner>
 nb::ndarray<nb::numpy, const float> field_array(ParticleField field, const std::vector<float>& values,

@@ -17,8 +17,15 @@ NB_MODULE(_graupel, module) {
       "instruction_set", [] { return std::string(name_of(instruction_set())); },
       "Instructions that the solver's loops use here: 'avx512', 'avx2' or 'baseline' (SSE2, slower).\n\n"
       "The environment variable GRAUPEL_SIMD chooses less than the best. Raises ConfigError for an unknown one.");
-  module.def("set_num_threads", &set_num_threads, nanobind::arg("threads"),
-             "Number of CPU threads of all runs; 0: all that the process may use.");
+  module.def(
+      "set_num_threads",
+      [](int64_t threads) {
+        if (threads < 0 || threads > 4096)
+          throw ConfigError("threads is not possible (" + std::to_string(threads) +
+                            ", allowed: 0 to 4096; 0: all that the process may use). Correct it");
+        set_num_threads(static_cast<int>(threads));
+      },
+      nanobind::arg("threads"), "Number of CPU threads of all runs, up to 4096; 0: all that the process may use.");
   module.def("num_threads", &num_threads, "Number of CPU threads of all runs.");
   python::bind_scene(module);
   python::bind_gpu_array(module);

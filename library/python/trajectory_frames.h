@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "library/io.h"
-#include "library/python/binding.h"
+#include "library/python/files.h"
 
 namespace graupel::python {
 
@@ -23,7 +23,9 @@ class TrajectoryFrames {
   virtual FieldSet fields() const = 0;
   virtual bool complete() const { return true; }
   virtual std::vector<io::NamedValue> parameters() const { return {}; }
-  virtual std::string attribute(const std::string&) const { return {}; }
+  /// Obstacles and walls whose forces are stored, and these of every frame.
+  virtual std::vector<std::string> contact_names() const { return {}; }
+  virtual std::vector<std::vector<ContactForce>> contact_forces() const { return {}; }
 };
 
 /// A trajectory with its header; copies share the frames.
@@ -33,6 +35,7 @@ struct PyTrajectory {
   std::string file;                         ///< "" in memory
   std::optional<std::string> verdict = {};  ///< of reduced models
   std::optional<double> trust_number = {};  ///< of reduced models
+  std::vector<NamedFile> inputs = {};       ///< what it was made of
 
   int64_t size() const { return static_cast<int64_t>(header.frames.size()); }
 };

@@ -16,10 +16,10 @@ def architecture_of(weights) -> str:
                 raise ValueError("a header of over 100 MB")
             return json.loads(file.read(length))["__metadata__"]["architecture"]
     except FileNotFoundError as error:
-        raise InputError(f"cannot read '{os.fspath(weights)}' (there is no such file). Give the path of a weights "
+        raise InputError(f"cannot read '{os.fsdecode(weights)}' (there is no such file). Give the path of a weights "
                          "file, or graupel.model_path(NAME)") from error
     except (OSError, ValueError, KeyError, TypeError, struct.error) as error:
-        raise InputError(f"'{os.fspath(weights)}' holds no model of Graupel ({error}). Give a .safetensors file that "
+        raise InputError(f"'{os.fsdecode(weights)}' holds no model of Graupel ({error}). Give a .safetensors file that "
                          "`graupel train` made") from error
 
 
@@ -27,7 +27,7 @@ def load_model(weights):
     """The NetworkModel or ReducedModel of a weights file. Raises InputError, ConfigError."""
     architecture = architecture_of(weights)
     if architecture == "coarse_mpm":
-        raise ConfigError(f"'{os.fspath(weights)}' holds constants of coarse MPM (allowed: graph networks and "
+        raise ConfigError(f"'{os.fsdecode(weights)}' holds constants of coarse MPM (allowed: graph networks and "
                           "reduced-order models). Run it by graupel.compare() or `graupel rollout`")
     return NetworkModel(weights) if architecture in ("hgn", "gns") else ReducedModel(weights)
 
@@ -46,12 +46,16 @@ def simulate(scene: Scene, path, frames: int | None = None, *, device: str = "cp
     """Runs a scene with the solver into an HDF5 file and opens it.
 
     `fields`: of Simulation.field(), comma-separated, stored with every frame; progress(frame) after each frame. A run
-    that blows up ends with DivergedError and leaves the frames before in the file.
+    that blows up ends with DivergedError and leaves the frames before in the file. The file takes the place of nothing
+    that the scene was read from (ConfigError).
     """
+    count = scene.frames if frames is None else frames
+    if count < 0:
+        raise ConfigError(f"frames must not be negative ({count}). Use 0 or more")
     run = Simulation(scene, device, precision, seed)
     writer = TrajectoryWriter(path, run, fields)
     writer.append(run)
-    for frame in range(1, (scene.frames if frames is None else frames) + 1):
+    for frame in range(1, count + 1):
         try:
             run.advance_frame()
         except DivergedError:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ._errors import ConfigError, DivergedError, Error, InputError, IoError
 from ._graupel import Scene
+from ._plain import change_words, json_text
 from ._program import PROGRAM
 
 _KINDS = {kind.exit_code: kind for kind in (ConfigError, InputError, DivergedError, IoError)}
@@ -37,28 +38,28 @@ def run_program(*words) -> str:
 
 def _flags(changes, options):
     """--key value of every option that is not None; of changes --set key=value."""
-    words = []
-    for key, value in (changes or {}).items():
-        words += ["--set", f"{key}={json.dumps(value)}"]
+    words = [word for change in change_words(changes) for word in ("--set", change)]
     for key, value in options.items():
         if value is None or value is False:
             continue
         words.append("--" + key.replace("_", "-"))
         if value is not True:
-            words.append(str(value))
+            words.append(os.fsdecode(value) if isinstance(value, (bytes, os.PathLike)) else str(value))
     return words
 
 
 def _file_of(what, stack, name):
     """The path of a file; dicts and scenes are written to one that lives as long as `stack`."""
-    if isinstance(what, (str, os.PathLike)):
-        return os.fspath(what)
+    if isinstance(what, (str, bytes, os.PathLike)):
+        return os.fsdecode(what)
+    if not isinstance(what, (Scene, dict)):
+        raise TypeError(f"{name} is a '{type(what).__name__}' (allowed: a path, a dict, a Scene)")
     keys = what.to_dict() if isinstance(what, Scene) else what
     if any(body.get("shape") in ("points", "mesh") and not body.get("file")
            for kind in ("sources", "obstacles") for body in keys.get(kind, [])):
         raise ConfigError("a scene with particles or meshes in memory is known to this process alone. Give it files")
     file = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="graupel-"))) / f"{name}.json"
-    file.write_text(json.dumps(keys), encoding="utf-8")
+    file.write_text(json_text(keys, name), encoding="utf-8")
     return str(file)
 
 
@@ -72,7 +73,7 @@ def generate(recipe, out, *, changes: dict | None = None, fields: str | None = N
     scenes are skipped, so an interrupted call goes on. Raises ConfigError, InputError, DivergedError, IoError.
     """
     with ExitStack() as stack:
-        output = run_program("generate", _file_of(recipe, stack, "recipe"), "-o", os.fspath(out), "--json", "-",
+        output = run_program("generate", _file_of(recipe, stack, "recipe"), "-o", os.fsdecode(out), "--json", "-",
                              *_flags(changes, {"fields": fields, "shard": shard, "batch": batch, "minutes": minutes,
                                                "connectivity_radius": connectivity_radius, "seed": seed,
                                                "device": device, "threads": threads}))
@@ -88,12 +89,16 @@ def compare(scenes, models, *, frames: int | None = None, changes: dict | None =
     'mpm:coarse', 'corrections-only', ... or weights files. report, csv, pictures: files and a folder to write too.
     Raises ConfigError, InputError, DivergedError, IoError.
     """
-    single = isinstance(scenes, (str, os.PathLike, dict, Scene))
+    single = isinstance(scenes, (str, bytes, os.PathLike, dict, Scene))
+    if not single and not isinstance(scenes, (list, tuple)):
+        raise TypeError(f"scenes is a '{type(scenes).__name__}' (allowed: a path, a dict, a Scene, or a list of these)")
+    names = [models] if isinstance(models, (str, bytes, os.PathLike)) else list(models)
+    if not scenes or not names:
+        raise ConfigError(f"there are no {'models' if scenes else 'scenes'} to compare (allowed: 1 or more). Name one")
     with ExitStack() as stack:
         files = [_file_of(scene, stack, f"scene{i}")
                  for i, scene in enumerate([scenes] if single else scenes)]
-        names = [models] if isinstance(models, (str, os.PathLike)) else models
-        output = run_program("compare", *files, "--models", ",".join(map(os.fspath, names)), "--json", "-",
+        output = run_program("compare", *files, "--models", ",".join(map(os.fsdecode, names)), "--json", "-",
                              *_flags(changes, {"frames": frames, "split": split, "training_runs": training_runs,
                                                "no_floors": not floors, "one_step_only": one_step_only, "seed": seed,
                                                "device": device, "threads": threads, "report": report, "csv": csv,

@@ -14,10 +14,10 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     ConfigError, InputError, IoError.
     """
     import argparse
-    import json
     import os
 
     from .. import _errors
+    from .._plain import change_words
     from .._program import PROGRAM
     os.environ.setdefault("HDF5_PLUGIN_PRELOAD", "::")  # files must not load filters from the disk
     try:
@@ -31,9 +31,9 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     if format not in FORMATS:
         raise _errors.ConfigError(f"format '{format}' is not known (allowed: {', '.join(FORMATS)}). Choose one of "
                                   "these")
-    options = argparse.Namespace(input=os.fspath(source), output=os.fspath(target), format=format, types=types,
+    options = argparse.Namespace(input=os.fsdecode(source), output=os.fsdecode(target), format=format, types=types,
                                  split=list(split), connectivity_radius=connectivity_radius,
-                                 set=[f"{key}={json.dumps(value)}" for key, value in (changes or {}).items()])
+                                 set=change_words(changes))
     try:
         conversion = Conversion(options, Program(str(PROGRAM)), progress or (lambda done, total: None))
         conversion.run()

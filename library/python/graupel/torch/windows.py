@@ -13,7 +13,7 @@ from .._errors import ConfigError, InputError
 
 
 def _file_of(path, split):
-    path = os.fspath(path)
+    path = os.fsdecode(path)
     if not os.path.isdir(path):
         return path
     file = os.path.join(path, f"{split}.h5")
@@ -30,8 +30,9 @@ class WindowDataset(torch.utils.data.Dataset):
     trajectory and of the window's first frame; 'active' bool like positions without its last axis, where particles come
     or go. Particle numbers differ from trajectory to trajectory: use batch_size=None, or a collate_fn of your own.
 
-    Files are opened again in every worker process of a DataLoader. HDF5 is read by one thread at a time; workers read
-    at once.
+    The file is opened again in every worker process of a DataLoader. HDF5 is read by one thread at a time; workers read
+    at once. Where other threads read files of Graupel, use multiprocessing_context='spawn': a process that is forked
+    meanwhile waits forever for their locks.
     """
 
     def __init__(self, path, split: str = "train", *, history: int = 5, predicted: int = 1, stride: int = 1):
@@ -43,7 +44,7 @@ class WindowDataset(torch.utils.data.Dataset):
             raise ConfigError(f"windows of history {history}, predicted {predicted}, stride {stride} are not possible "
                               "(allowed: at least 0, 0, 1)")
         self.file, self.length, self.stride = _file_of(path, split), history + 1 + predicted, stride
-        self._data, self._static = None, {}
+        self._data, self._static, self._process = None, {}, None
         counts = []
         for trajectory in self._open():
             end = trajectory.diverged_at_frame
@@ -54,11 +55,11 @@ class WindowDataset(torch.utils.data.Dataset):
         self._ends = list(accumulate(counts))
 
     def __getstate__(self):
-        return {**self.__dict__, "_data": None, "_static": {}}
+        return {**self.__dict__, "_data": None, "_static": {}, "_process": None}
 
     def _open(self):
-        if self._data is None:
-            self._data, self._static = _graupel.open(self.file), {}
+        if self._process != os.getpid():  # a forked one has its parent's
+            self._data, self._static, self._process = _graupel.open(self.file), {}, os.getpid()
         return self._data
 
     def _of_trajectory(self, number):
