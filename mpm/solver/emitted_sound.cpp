@@ -22,6 +22,7 @@ EmittedSound::EmittedSound(const Scene& scene, const SampledParticles& sampled, 
                            const std::vector<MaterialConfig>& materials, const UserLaws& laws)
     : emitters_(scene.emitters), sound_speed_(scene.emitters.size(), 0.0) {
   std::vector<MaterialParameters<T>> parameters;
+  parameters.reserve(materials.size());
   for (const MaterialConfig& config : materials) parameters.push_back(material_parameters<T>(config));
   for (std::size_t i = 0; i < initial.size() && !emitters_.empty(); ++i) {
     const auto source = static_cast<std::size_t>(sampled.source[i]);
