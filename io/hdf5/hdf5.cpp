@@ -44,11 +44,14 @@ herr_t collect_error(unsigned, const H5E_error2_t* error, void* out) {
   auto& texts = *static_cast<ErrorTexts*>(out);
   const herr_t status = without_exception([&]() -> herr_t {
     if (error->desc == nullptr) return 0;
-    const std::string text = std::string(error->desc).substr(0, 1000);
+    std::string text = std::string(error->desc).substr(0, 1000);
+    text.resize(std::min(text.size(), text.find(": current p")));  // addresses
     constexpr std::string_view key = "error message = '";
     if (const auto begin = text.find(key); begin != std::string::npos && texts.of_system.empty())
       texts.of_system = text.substr(begin + key.size(), text.find('\'', begin + key.size()) - begin - key.size());
-    texts.no_memory = texts.no_memory || (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE) ||
+    const bool off_its_end = text.starts_with("ran off the end of");  // of a damaged message, by the same numbers
+    texts.no_memory = texts.no_memory ||
+                      (error->maj_num == H5E_RESOURCE && error->min_num == H5E_NOSPACE && !off_its_end) ||
                       text.find("memory allocation failed") != std::string::npos ||
                       text.find("ID type allocation failed") != std::string::npos;
     if (texts.all.size() < 3) texts.all.push_back(text.substr(0, 200));

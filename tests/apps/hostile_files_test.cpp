@@ -73,6 +73,18 @@ TEST(HostileFiles, ItIsTheHeapThatMatters) {
   EXPECT_EQ(graupel("inspect " + good_file(folder)).exit_code, 0);
 }
 
+TEST(HostileFiles, AFilterThatIsLongerThanItsMessageIsNoLackOfMemory) {
+  const Folder folder;
+  std::string bytes = bytes_of(good_file(folder));
+  const std::size_t filter = bytes.find("deflate");
+  ASSERT_NE(filter, std::string::npos);
+  const uint16_t values = 0x7fff;  // the number of them is before its name
+  std::memcpy(bytes.data() + filter - 2, &values, sizeof values);
+  const Outcome outcome = graupel("inspect " + folder.write("filter.h5", bytes));
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+  EXPECT_TRUE(outcome.says("filter.h5") && !outcome.says("out of memory")) << outcome.output;
+}
+
 TEST(HostileFiles, PartFilesAreCheckedBeforeTheyAreRecovered) {
   const Folder folder;
   std::filesystem::rename(with_heap_size(folder, "crash.h5", uint64_t(1) << 32), folder.file("run.h5.part"));

@@ -130,9 +130,10 @@ class Readers:
     def __init__(self, options):
         self.seconds = options.seconds
         program = os.path.join(os.path.abspath(options.build), "graupel_read_files")
-        self.process = subprocess.Popen([program, str(options.seconds)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                        text=True, errors="replace", preexec_fn=lambda: resource.setrlimit(
-                                            resource.RLIMIT_AS, (24 << 30, 24 << 30)))
+        self.process = subprocess.Popen(
+            [program, str(options.seconds)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            text=True, errors="replace",
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (24 << 30, 24 << 30)))
 
     def read(self, lines):
         """How each ended, as run() says it, until one ends the process."""
@@ -142,14 +143,12 @@ class Readers:
             late = threading.Timer(20 * self.seconds, self.process.kill)
             late.start()
             answer = self.process.stdout.readline()
-            while answer and not answer.startswith("= "):  # OpenVDB's warnings
-                answer = self.process.stdout.readline()
             late.cancel()
             if not answer:
                 code = self.process.wait()
                 yield "time" if code in (-signal.SIGKILL, -signal.SIGXCPU) else code, "", 0, 0
                 return
-            code, took, memory, message = answer[2:].split(" ", 3)
+            code, took, memory, message = answer.split(" ", 3)
             yield int(code), message, float(took), float(memory)
 
     def end(self):

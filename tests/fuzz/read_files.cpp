@@ -1,7 +1,7 @@
 // graupel_read_files: has the library read files that may be damaged, as the program does, many in one process, and
 // says how each ended. files_campaign.py --readers feeds it.
 //   stdin: a line each, "read PATH" (.h5, .vdb) or "recover PATH" (of PATH.part)
-//   stdout: a line each, "= CODE SECONDS MEGABYTES MESSAGE": exit code of the program, processor time, largest memory
+//   stdout: a line each, "CODE SECONDS MEGABYTES MESSAGE": exit code of the program, processor time, largest memory
 #include <openvdb/openvdb.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -115,6 +115,8 @@ double largest_megabytes() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::FILE* const answers = ::fdopen(::dup(STDOUT_FILENO), "w");
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);  // OpenVDB prints warnings
   QuickChecks checks;
   const double seconds = argc > 1 ? std::stod(argv[1]) : 60;
   for (std::string line; std::getline(std::cin, line);) {
@@ -137,8 +139,9 @@ int main(int argc, char** argv) {
     }
     for (char& c : message)
       if (static_cast<unsigned char>(c) < 32) c = ' ';
-    std::printf("= %d %.3f %.0f %s\n", code, processor_seconds() - before, largest_megabytes(), message.c_str());
-    std::fflush(stdout);
+    std::fprintf(answers, "%d %.3f %.0f %s\n", code, processor_seconds() - before, largest_megabytes(),
+                 message.c_str());
+    std::fflush(answers);
   }
   return 0;
 }
