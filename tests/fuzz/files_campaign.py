@@ -141,6 +141,7 @@ class Readers:
         self.process.stdin.flush()
         for _ in lines:
             late = threading.Timer(20 * self.seconds, self.process.kill)
+            late.daemon = True
             late.start()
             answer = self.process.stdout.readline()
             late.cancel()
