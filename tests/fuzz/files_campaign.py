@@ -153,6 +153,7 @@ class Readers:
             yield int(code), message, float(took), float(memory)
 
     def end(self):
+        self.process.kill()  # all is answered, or no longer wanted
         self.process.stdin.close()
         self.process.wait()
         self.process.stdout.close()
