@@ -37,9 +37,12 @@ check() { # NAME COMMAND...: status 77 says that it could not be tried
   rm -f "$log"
 }
 
-# Every fuzz target for a minute, two at once (docs/lab/fuzzing.md): each commit has its own inputs, and always the same.
+# Every fuzz target for a minute, two at once (docs/lab/fuzzing.md): each state of the code that they run has its own
+# inputs, and always the same.
 check_new_inputs() {
-  export GRAUPEL_FUZZ_SEED=${GRAUPEL_FUZZ_SEED:-$((16#$(git rev-parse --short=7 HEAD | head -c 7)))}
+  local state
+  state=$(git ls-tree HEAD -- core io nn sparsegrid mpm graph rom hybrid tests/fuzz | git hash-object --stdin)
+  export GRAUPEL_FUZZ_SEED=${GRAUPEL_FUZZ_SEED:-$((16#${state:0:7}))}
   GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=1 build/fuzz_test --gtest_filter='*NewInputs*' &
   GRAUPEL_FUZZ_SECONDS=60 GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=0 build/fuzz_test --gtest_filter='*NewInputs*'
   local status=$?

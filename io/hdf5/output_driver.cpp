@@ -57,7 +57,7 @@ H5FD_t* open(const char* name, unsigned flags, hid_t, haddr_t) {
   return &file->library;
 }
 
-/// Unlocked by name: a process that was just forked, by another thread, holds the descriptor and its lock until its exec.
+/// Unlocked by name: a process that another thread has just forked holds the descriptor and its lock until its exec.
 herr_t close(H5FD_t* pointer) {
   OutputFile* const file = &of(pointer);
   ::flock(file->descriptor, LOCK_UN);

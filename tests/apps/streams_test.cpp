@@ -96,7 +96,7 @@ TEST_F(Streams, TextOfFilesReachesTheTerminalAsText) {
 TEST_F(Streams, RecoveryToAnotherPlace) {
   const std::string run = folder_.file("a.h5"), there = folder_.file("there.h5");
   {
-    Child child(folder_, "simulate " + scene_ + " --frames 1000 --threads 1 --device cpu -o " + run);
+    Child child(folder_, "simulate " + scene_ + " --frames 20000 --threads 1 --device cpu -o " + run);
     for (int i = 0; i < 200 && !std::filesystem::exists(run + ".part"); ++i) child.ends_within(0.1);
     child.ends_within(3);
     child.send(SIGKILL);
