@@ -8,7 +8,9 @@
 #include "core/parallel/memory.h"
 #include "core/system/error.h"
 #include "mpm/grid/grid.h"
+#include "mpm/scene/plane_section.h"
 #include "mpm/scene/source_body.h"
+#include "sparsegrid/analytic_shape.h"
 
 namespace graupel::mpm {
 
@@ -25,6 +27,16 @@ double record_bytes(Precision precision) {
 double particles_in(const Body& body, double per_cell, double dx) {
   if (body.shape == Shape::points) return body.points ? static_cast<double>(body.points->size()) : 0;
   return body_volume(body) * per_cell / (dx * dx * dx);
+}
+
+/// A body of a scene in the plane is as its section there, however thin or thick; of meshes and level sets, whose
+/// section is not to be had in a moment, as its volume.
+double particles_in(const Source& source, const Domain& domain) {
+  const bool has_section = sparsegrid::is_analytic(source.shape) && source.shape != Shape::plane;
+  if (!domain.is_plane() || !has_section) return particles_in(source, source.particles_per_cell, domain.dx);
+  const SourceBody body(source, 0, domain.dx);
+  const PlaneSection section(source, body, domain.plane());
+  return section.is_met() ? section.area() * source.particles_per_cell / (domain.dx * domain.dx) : 0;
 }
 
 /// Emitters beyond their limit are refused with their own words.
@@ -66,7 +78,7 @@ MemoryNeed least_memory(const Domain& domain, const SimulationOptions& options, 
 MemoryNeed least_memory(const Scene& scene, const SimulationOptions& options) {
   double particles = 0;
   const double dx = scene.domain.dx;
-  for (const Source& source : scene.sources) particles += particles_in(source, source.particles_per_cell, dx);
+  for (const Source& source : scene.sources) particles += particles_in(source, scene.domain);
   for (const Emitter& emitter : scene.emitters) particles += particles_of(emitter, dx);
   return least_memory(scene.domain, options, particles);
 }

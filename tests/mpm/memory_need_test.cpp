@@ -37,6 +37,18 @@ TEST(MemoryNeed, ParticlesAreKnownBeforeTheyAreMade) {
   EXPECT_NEAR(least_memory(scene, {}).particles, made, 0.01 * made);
 }
 
+/// By areas: a thick body has no more particles there than a thin one.
+TEST(MemoryNeed, ParticlesInThePlaneAreKnownToo) {
+  for (const double thickness : {1e-9, 0.9}) {
+    Scene scene = scene_with("taichi_water", {0.3, 0.3, 0.5}, 0.1);
+    scene.domain.dimensions = 2;
+    scene.sources[0].size = {0.3, 0.2, thickness};
+    scene.sources[0].position[2] = scene.domain.plane();
+    const double made = static_cast<double>(sample_sources(scene, 0).position.size());
+    EXPECT_NEAR(least_memory(scene, {}).particles, made, 0.01 * made + 1) << thickness;
+  }
+}
+
 TEST(MemoryNeed, IsWhatTheSolversReach) {
   const Scene scene = scene_with("taichi_jelly", {0.5, 0.5, 0.5}, 0.2);
   for (const Precision precision : {Precision::f32, Precision::f64}) {
