@@ -118,7 +118,8 @@ class NamedFolder {
 };
 
 TEST(FileCheck, TheEnvironmentNamesTheFolderOrTurnsChecksOff) {
-  const std::string folder = testing::TempDir() + "graupel_checkers", file = folder + "/a crash.h5";
+  const std::string folder = testing::TempDir() + "graupel_checkers_" + std::to_string(::getpid()),
+                    file = folder + "/a crash.h5";
   std::filesystem::create_directories(folder);
   std::ofstream(file) << "some bytes";
   {

@@ -12,7 +12,11 @@ namespace graupel::fuzz {
 namespace {
 
 constexpr std::size_t most_at_once = std::size_t(64) << 20;  ///< [bytes]; inputs are below 100 kB
-constexpr double most_seconds = 10;                          ///< of processor time; usual are milliseconds
+#ifdef __SANITIZE_THREAD__
+constexpr double most_seconds = 200;
+#else
+constexpr double most_seconds = 10;  ///< of processor time; usual are milliseconds
+#endif
 
 }  // namespace
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
+#include <unistd.h>
 
 #include <filesystem>
 
@@ -90,7 +91,7 @@ TEST(MeshParts, ManyCavitiesTakeTheTimeOfTheirTriangles) {
 }
 
 TEST(MeshParts, ALevelSetThatIsRebuiltKeepsItsCavities) {
-  const std::string file = testing::TempDir() + "graupel_hollow.vdb";
+  const std::string file = testing::TempDir() + "graupel_" + std::to_string(::getpid()) + "_hollow.vdb";
   TriangleMesh mesh;
   add_cube(mesh, 0.4, {0, 0, 0});
   add_cube(mesh, 0.2, {0, 0, 0}, true);
@@ -105,7 +106,7 @@ TEST(MeshParts, ALevelSetThatIsRebuiltKeepsItsCavities) {
 }
 
 TEST(MeshParts, AWrittenPlaneIsABodyThatOtherScenesTake) {
-  const std::string file = testing::TempDir() + "graupel_plane.vdb";
+  const std::string file = testing::TempDir() + "graupel_" + std::to_string(::getpid()) + "_plane.vdb";
   for (const double degrees : {0.0, 15.0}) {
     const Scene scene = scene_with({make_obstacle(Shape::plane, {0.5, 0.5, 0.5}, {0, 0, 1}, degrees)});
     const ObstacleSet planes(scene);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -113,7 +114,9 @@ TEST(ObstacleChecks, TheEstimateOfGridsIsThatOfWhatIsBuilt) {
   }
 }
 
-std::string file_in_temp(const std::string& name) { return testing::TempDir() + "graupel_checks_" + name; }
+std::string file_in_temp(const std::string& name) {
+  return testing::TempDir() + "graupel_checks_" + std::to_string(::getpid()) + "_" + name;
+}
 
 Scene with_file(const std::string& file, double voxel) {
   Scene scene = scene_with({make_obstacle(Shape::vdb, {0.5, 0.5, 0.5})});

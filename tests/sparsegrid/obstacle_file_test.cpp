@@ -1,5 +1,6 @@
 // Obstacles from meshes and .vdb files, and what is refused of them.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -14,7 +15,9 @@
 namespace graupel::sparsegrid {
 namespace {
 
-std::string file_in_temp(const std::string& name) { return testing::TempDir() + "graupel_" + name; }
+std::string file_in_temp(const std::string& name) {
+  return testing::TempDir() + "graupel_" + std::to_string(::getpid()) + "_" + name;
+}
 
 Obstacle vdb_obstacle(const std::string& file, const Vec3d& position, double scale = 1) {
   Obstacle obstacle = make_obstacle(Shape::vdb, position);

@@ -6,6 +6,7 @@
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetSphere.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
@@ -69,7 +70,7 @@ class PlainVdb : public testing::Test {
     return memory;
   }
 
-  const std::string path_ = testing::TempDir() + "graupel_plain.vdb";
+  const std::string path_ = testing::TempDir() + "graupel_" + std::to_string(::getpid()) + "_plain.vdb";
 };
 
 TEST_F(PlainVdb, GridsOfNumbersAreInEveryCompression) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "core/parallel/device.h"
 #include "core/system/atomic_file.h"
 #include "nn/weights.h"
 #include "tests/train/rank_threads.h"
@@ -87,7 +88,7 @@ TEST_F(RanksProgram, TwoProcessesTakeTheStepsOfOne) {
 TEST_F(RanksProgram, TwoGpusTakeTheStepsOfOne) {
   const char* const visible = std::getenv("CUDA_VISIBLE_DEVICES");
   const bool hidden = visible != nullptr && std::string(visible).find(',') == std::string::npos;
-  if (!torch_has_cuda() || hidden || !fs::exists("/dev/nvidia1"))
+  if (!torch_has_cuda() || !cuda_available() || hidden || !fs::exists("/dev/nvidia1"))
     GTEST_SKIP() << "fewer than two GPUs here: NCCL was not run";
   expect_the_steps_of_one_process("cuda", 2e-3);
 }
