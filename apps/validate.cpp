@@ -12,7 +12,8 @@ void add_validate(const Command& program) {
   auto options = std::make_shared<ValidateOptions>();
   const Command verb =
       program.command("validate", "Tell all that is wrong with scenes, recipes and other files at once");
-  verb.option("files", options->files, "Scenes and recipes (.json), .h5, .safetensors, .vdb, saved states")
+  verb.option("files", options->files,
+              "Scenes, recipes and chaos floors (.json), .h5, .safetensors, .vdb, saved states")
       .names_file({".json", ".h5", ".safetensors", ".vdb", ".state"})
       .required();
   options->common.add_without_run_to(verb);

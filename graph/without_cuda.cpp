@@ -10,7 +10,7 @@ namespace graupel::graph {
 
 namespace {
 [[noreturn]] void no_cuda() {
-  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use --device cpu");
+  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use device 'cpu'");
 }
 }  // namespace
 

@@ -6,7 +6,7 @@ namespace graupel::mpm {
 
 namespace {
 [[noreturn]] void no_cuda() {
-  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use Device::cpu");
+  throw ConfigError("device 'cuda' is not usable (this program was built without CUDA). Use device 'cpu'");
 }
 }  // namespace
 

@@ -61,15 +61,18 @@ double bytes_of(const Obstacle& obstacle, double voxel, double band) {
 
 }  // namespace
 
+std::string mesh_words(const Obstacle& obstacle) {
+  return obstacle.file.empty() ? "the mesh" : "the mesh '" + obstacle.file + "'";
+}
+
 void check_mesh(const Obstacle& obstacle, const std::string& name) {
   if (!obstacle.mesh || obstacle.mesh->triangles.empty())
-    throw InputError(name + ": the mesh '" + obstacle.file + "' has no triangles. Give a closed surface");
+    throw InputError(name + ": " + mesh_words(obstacle) + " has no triangles. Give a closed surface");
   const MeshFaults faults = faults_of(*obstacle.mesh);
   const auto refuse = [&](const std::string& what, const char* remedy) {
     char place[96];
     std::snprintf(place, sizeof place, "(%.4g, %.4g, %.4g) m", faults.place[0], faults.place[1], faults.place[2]);
-    throw InputError(name + ": the mesh '" + obstacle.file + "' " + what + ", the first near " + place + "). " +
-                     remedy);
+    throw InputError(name + ": " + mesh_words(obstacle) + " " + what + ", the first near " + place + "). " + remedy);
   };
   if (faults.open_edges > 0)
     refuse("is not closed (" + std::to_string(faults.open_edges) + " open edges",

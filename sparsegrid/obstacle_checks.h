@@ -9,6 +9,9 @@ namespace graupel::sparsegrid {
 
 inline constexpr double smallest_voxel = 2e-5;  ///< [m] OpenVDB refuses transforms whose determinant is about 1e-15
 
+/// "the mesh 'a.obj'", or "the mesh" where it comes from arrays.
+std::string mesh_words(const Obstacle& obstacle);
+
 /// Throws InputError where the mesh is missing, has no triangles, or does not bound a volume once.
 void check_mesh(const Obstacle& obstacle, const std::string& name);
 

@@ -15,9 +15,9 @@ Device parse_device(const std::string& word) {
   if (word == "cuda") {
     if (cuda_available()) return Device::cuda;
     throw ConfigError(cuda::is_built_in()
-                          ? "device 'cuda' is not usable (no NVIDIA GPU or driver was found). Use --device cpu"
+                          ? "device 'cuda' is not usable (no NVIDIA GPU or driver was found). Use device 'cpu'"
                           : "device 'cuda' is not usable (this build has no CUDA). Rebuild where nvcc is, or use "
-                            "--device cpu");
+                            "device 'cpu'");
   }
   throw ConfigError("unknown device '" + word + "' (allowed: auto, cpu, cuda)");
 }

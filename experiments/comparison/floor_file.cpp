@@ -14,6 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr const char* format = "graupel floors";
 constexpr const char* remedy = "Measure them again with `graupel compare ... --write-floors FILE`";
 
 SceneFloors floors_from(const Json& json) {
@@ -38,12 +39,17 @@ Json json_of(const SceneFloors& floors) {
 
 }  // namespace
 
+bool is_floor_file(const std::string& path) {
+  const Json json = Json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
+  return json.is_object() && json.contains("format") && json.at("format") == format;
+}
+
 FloorFile::FloorFile(const std::string& path) : path_(path) {
   const std::string text = read_file(path);
   std::string place = "the file";
   try {
     const Json json = Json::parse(text);
-    if (json.at("format") != "graupel floors" || json.at("version") != 1)
+    if (json.at("format") != format || json.at("version") != 1)
       throw InputError(
           fmt::format("'{}' is no file of chaos floors that this program reads (format {}, version {}; "
                       "allowed: \"graupel floors\", 1). {}",
@@ -79,7 +85,7 @@ const SceneFloors& FloorFile::of(const Scene& scene, uint64_t seed, int64_t fram
 }
 
 void FloorFile::write(const std::string& path) const {
-  Json json = {{"format", "graupel floors"}, {"version", 1}, {"scenes", Json::object()}};
+  Json json = {{"format", format}, {"version", 1}, {"scenes", Json::object()}};
   for (const auto& [name, floors] : scenes_) json["scenes"][name] = json_of(floors);
   write_file_atomically(path, json.dump(1) + "\n");
 }

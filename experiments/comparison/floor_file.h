@@ -20,6 +20,9 @@ struct SceneFloors {
   std::map<std::string, int64_t> diverged;  ///< "moved", "reseeded": the first unusable frame
 };
 
+/// Whether the JSON file says that it is one.
+bool is_floor_file(const std::string& path);
+
 /// JSON: {"format": "graupel floors", "version": 1, "scenes": {NAME: {...}}}.
 class FloorFile {
  public:

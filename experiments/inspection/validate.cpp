@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "core/system/printable.h"
 #include "core/system/stop_signal.h"
+#include "experiments/comparison/floor_file.h"
 #include "experiments/data/stored_frames.h"
 #include "experiments/inspection/file_facts.h"
 #include "io/scene/category_reader.h"
@@ -25,6 +26,7 @@ namespace {
 
 /// Keys that are read together; of what the other readers find, the first.
 std::vector<std::string> mistakes_in_json(const std::string& file) {
+  if (is_floor_file(file)) return FloorFile(file), std::vector<std::string>();
   if (io::is_sweep(file)) return io::read_sweep(file), std::vector<std::string>();
   if (io::is_category_recipe(file)) return io::category_recipe_mistakes(file);
   if (io::is_recipe(file)) return io::recipe_mistakes(file);

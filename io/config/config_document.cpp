@@ -92,8 +92,9 @@ JsonNode override_value(const std::string& value, const std::string& where) {
   JsonNode node;
   try {
     node = parse_json(value, where);
-  } catch (const ConfigError&) {
-    if (!value.empty() && std::string_view("[{\"").find(value[0]) != std::string_view::npos) throw;
+  } catch (const Error& error) {
+    if (!value.empty() && std::string_view("[{\"").find(value[0]) != std::string_view::npos)
+      throw ConfigError(error.what());
     node = JsonNode::of(value);
   }
   return node;

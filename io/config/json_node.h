@@ -51,8 +51,8 @@ struct JsonMember {
   JsonNode value;
 };
 
-/// Parses JSON with // and /* */ comments. Throws ConfigError with file, line and column; refuses more than 16 MB,
-/// 64 levels or a million values, and a key given twice. `name` stands for the file in messages.
+/// Parses JSON with // and /* */ comments. Throws InputError with file, line and column where the text is no JSON, and
+/// ConfigError beyond 16 MB, 64 levels or a million values, and for a key given twice. `name` stands for the file.
 JsonNode parse_json(const std::string& text, const std::string& name);
 
 enum class JsonLayout { compact, indented };

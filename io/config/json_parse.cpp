@@ -77,8 +77,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
     if (const auto start = what.find("column "); start != std::string::npos)
       if (const auto colon = what.find(": ", start); colon != std::string::npos) what = what.substr(colon + 2);
     const char* at = begin_ + std::min<std::size_t>(position > 0 ? position - 1 : 0, end_ - begin_);
-    throw ConfigError(place(name_, begin_, at) + "not valid JSON (" + what.substr(0, 300) +
-                      "). Correct the file at this place");
+    throw InputError(place(name_, begin_, at) + "not valid JSON (" + what.substr(0, 300) +
+                     "). Correct the file at this place");
   }
 
   JsonNode root;

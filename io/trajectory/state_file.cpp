@@ -69,7 +69,7 @@ class Header {
   Header(const std::string& text, const std::string& path) : path_(path) {
     try {
       root_ = parse_json(text, path);
-    } catch (const ConfigError& error) {
+    } catch (const Error& error) {
       refuse(path, std::string("its header is damaged: ") + error.what());
     }
   }

@@ -21,7 +21,7 @@ std::string physics_of(const std::string& scene_json) {
       if (member.key != "frames" && member.key != "name" && member.key != "description")
         kept.set(member.key, member.value);
     return write_json(kept, JsonLayout::compact);
-  } catch (const ConfigError&) {
+  } catch (const Error&) {
     return scene_json;
   }
 }

@@ -38,7 +38,7 @@ std::optional<double> metadata_frame_time(const std::string& path) {
   JsonNode root;
   try {
     root = parse_json(read_file(metadata.string(), std::size_t(16) << 20), metadata.string());
-  } catch (const ConfigError& error) {
+  } catch (const Error& error) {
     throw InputError(error.what());
   }
   const JsonNode* dt = root.find("dt");

@@ -75,11 +75,13 @@ StateReader::StateReader(const std::vector<std::byte>& bytes, const StateOwner& 
   std::memcpy(&head, bytes.data(), sizeof(head));
   if (head.magic != magic) throw InputError(fmt::format("this is not a saved state of this version{}", remedy));
   check_owner(head.owner, owner);
-  uint64_t checksum = 0;
-  if (bytes.size() == expected) std::memcpy(&checksum, bytes.data() + expected - sizeof(checksum), sizeof(checksum));
-  if (bytes.size() != expected || checksum != fnv1a(fnv_start, bytes.data(), expected - sizeof(checksum)))
+  if (bytes.size() != expected)
     throw InputError(
         fmt::format("the saved state is damaged ({} bytes, {} expected){}", bytes.size(), expected, remedy));
+  uint64_t checksum = 0;
+  std::memcpy(&checksum, bytes.data() + expected - sizeof(checksum), sizeof(checksum));
+  if (checksum != fnv1a(fnv_start, bytes.data(), expected - sizeof(checksum)))
+    throw InputError(fmt::format("the saved state is damaged (its checksum is not that of its bytes){}", remedy));
 }
 
 const std::byte* StateReader::take(std::size_t n) {

@@ -7,7 +7,7 @@ namespace graupel::rom::device {
 
 std::unique_ptr<DeviceRun> make_cuda_run(const ModelTable&, std::vector<InstanceTable>, const RunSettings&) {
   throw ConfigError(
-      "reduced models cannot run on the GPU (this build has no CUDA). Rebuild where nvcc is, or use --device cpu");
+      "reduced models cannot run on the GPU (this build has no CUDA). Rebuild where nvcc is, or use device 'cpu'");
 }
 
 }  // namespace graupel::rom::device

@@ -114,8 +114,7 @@ void clamp_to_band(FloatGrid& grid, double band) {
 FloatGrid::Ptr checked_level_set(const Obstacle& obstacle, const std::string& name, double voxel, double band) {
   check_mesh(obstacle, name);
   const float width = static_cast<float>(band / voxel) + spare_voxels;
-  check_level_set_size(name, "the mesh '" + obstacle.file + "'", size_of(*obstacle.mesh), voxel,
-                       static_cast<double>(width));
+  check_level_set_size(name, mesh_words(obstacle), size_of(*obstacle.mesh), voxel, static_cast<double>(width));
   return mesh_level_set(*obstacle.mesh, voxel, width);
 }
 

@@ -17,7 +17,7 @@ TEST(BadInput, BrokenJsonNamesLineAndColumn) {
   const Folder folder;
   const auto scene = folder.write("broken.json", "{\n  \"name\": \"x\",\n  \"frames\": 12,,\n}\n");
   const Outcome outcome = graupel("simulate " + scene + " -o " + folder.file("a.h5"));
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
   EXPECT_TRUE(outcome.says("broken.json:3:16: ")) << outcome.output;  // the second comma
 }
 

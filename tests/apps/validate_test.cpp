@@ -71,10 +71,10 @@ TEST_F(Validate, TellsAllThatDoesNotFitTogether) {
 TEST_F(Validate, GoodFilesOfEveryKindAreOk) {
   const Json all = report(
       "scenes/shared/water_steps.json scenes/recipes/general.json scenes/recipes/hgn.json "
-      "scenes/recipes/nsf_jelly_quick.json models/gns.safetensors",
+      "scenes/recipes/nsf_jelly_quick.json models/gns.safetensors scenes/floors/demo.json",
       0);
   for (const auto& file : all["files"]) EXPECT_TRUE(file["errors"].empty()) << file.dump(1);
-  EXPECT_EQ(all["files"].size(), 5u);
+  EXPECT_EQ(all["files"].size(), 6u);
 }
 
 TEST_F(Validate, RecipesAndDamagedFiles) {

@@ -232,7 +232,7 @@ TEST_F(LearnedSimulatorTest, AGnsRollsOutWithItsObstacleParticles) {
     random.rollout(scene, environment, std::vector<int32_t>(100, 6), start, options);
     ADD_FAILURE();
   } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("Use --device cpu"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("Use device 'cpu'"), std::string::npos) << error.what();
   }
 }
 

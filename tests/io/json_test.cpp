@@ -39,14 +39,14 @@ TEST(Json, EscapesText) {
 }
 
 TEST(Json, NamesFileLineAndColumnOfSyntaxErrors) {
-  expect_error<ConfigError>([] { parse_json("{\n  \"a\": 1,\n  \"b\" 2\n}", "bad.json"); },
-                            {"bad.json:3:7: ", "not valid JSON"});
-  expect_error<ConfigError>([] { parse_json("{\"a\": [1, 2}", "bad.json"); }, {"bad.json:1:12: "});
-  expect_error<ConfigError>([] { parse_json("", "bad.json"); }, {"bad.json:1:1: "});
-  expect_error<ConfigError>([] { parse_json("{\"a\": 1} x", "bad.json"); }, {"bad.json:1:10: "});
-  expect_error<ConfigError>([] { parse_json("{\"a\": 1e999}", "bad.json"); }, {"bad.json:1:", "1e999"});
-  expect_error<ConfigError>([] { parse_json("{\"a\": NaN}", "bad.json"); }, {"bad.json:1:7: "});
-  expect_error<ConfigError>([] { parse_json("{\"a\": \"\xff\"}", "bad.json"); }, {"bad.json:1:", "UTF-8"});
+  expect_error<InputError>([] { parse_json("{\n  \"a\": 1,\n  \"b\" 2\n}", "bad.json"); },
+                           {"bad.json:3:7: ", "not valid JSON"});
+  expect_error<InputError>([] { parse_json("{\"a\": [1, 2}", "bad.json"); }, {"bad.json:1:12: "});
+  expect_error<InputError>([] { parse_json("", "bad.json"); }, {"bad.json:1:1: "});
+  expect_error<InputError>([] { parse_json("{\"a\": 1} x", "bad.json"); }, {"bad.json:1:10: "});
+  expect_error<InputError>([] { parse_json("{\"a\": 1e999}", "bad.json"); }, {"bad.json:1:", "1e999"});
+  expect_error<InputError>([] { parse_json("{\"a\": NaN}", "bad.json"); }, {"bad.json:1:7: "});
+  expect_error<InputError>([] { parse_json("{\"a\": \"\xff\"}", "bad.json"); }, {"bad.json:1:", "UTF-8"});
 }
 
 TEST(Json, RefusesRepeatedKeysDepthAndSize) {
@@ -61,7 +61,7 @@ TEST(Json, RefusesRepeatedKeysDepthAndSize) {
 
 TEST(Json, SurvivesEveryTruncation) {
   const std::string text = "{\"a\": [1, -2.5e3, true, null, \"x\\n\"], /* c */ \"b\": {\"c\": {}}}";
-  for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse_json(text.substr(0, n), "cut"), ConfigError) << n;
+  for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse_json(text.substr(0, n), "cut"), InputError) << n;
 }
 
 }  // namespace

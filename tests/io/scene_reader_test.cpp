@@ -189,7 +189,7 @@ TEST(SceneReader, NamesMissingAndDamagedGeometry) {
 
 TEST(SceneReader, EveryTruncationIsAnError) {
   const std::string text = good.substr(0, good.rfind('}'));
-  for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), ConfigError) << n;
+  for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), InputError) << n;
 }
 
 TEST(SceneReader, AStoredSceneFindsItsGeometryWhereTheTrajectoryWasMoved) {

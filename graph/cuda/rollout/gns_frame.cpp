@@ -12,12 +12,12 @@ namespace {
 GnsConfig checked_config(const nn::Weights& weights) {
   static_cast<void>(GraphNetwork(weights));  // its errors
   const GnsConfig config = GnsConfig::from_metadata(weights.metadata, weights.file);
-  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use --device cpu");
+  if (!cuda_available()) throw ConfigError("device 'cuda' is not usable (no GPU). Use device 'cpu'");
   if (!PackedNetwork::fits(plan_of(config)))
     throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
                       std::to_string(layer_width) +
                       " and one hidden layer only (gns.latent: " + std::to_string(config.latent) +
-                      ", gns.hidden_layers: " + std::to_string(config.hidden_layers) + "). Use --device cpu");
+                      ", gns.hidden_layers: " + std::to_string(config.hidden_layers) + "). Use device 'cpu'");
   return config;
 }
 

@@ -15,7 +15,7 @@ std::unique_ptr<GridNetwork> make_grid_network(const HgnConfig& config, const nn
   throw ConfigError("'" + weights.file + "': networks run on a GPU with a latent width of " +
                     std::to_string(layer_width) +
                     " and at most 128 inputs only (hgn.latent: " + std::to_string(config.latent) +
-                    ", inputs: " + std::to_string(config.input_width()) + "). Use --device cpu");
+                    ", inputs: " + std::to_string(config.input_width()) + "). Use device 'cpu'");
 }
 
 }  // namespace graupel::graph
