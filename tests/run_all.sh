@@ -82,6 +82,7 @@ if [ -z "$filter" ]; then
   fi
   if [ -e build/libgraupel_inject.so ]; then
     check "failed writes of exports" /usr/bin/python3 tests/faults/faults_test.py --only export --kinds write --most 2
+    check "kills between the writes of a flush" /usr/bin/python3 tests/faults/flush_test.py
   else
     skipped=$((skipped + 1))
     echo "skipped failed writes: 'ninja -C build graupel_inject' makes what they need"

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 #include <new>
+#include <vector>
 
 namespace graupel::io::hdf5 {
 
@@ -16,12 +17,21 @@ namespace {
 
 constexpr haddr_t largest_file = (haddr_t(1) << 62) - 1;
 
+/// A node, header or heap of the file, as it will be on disk.
+struct MetadataWrite {
+  H5FD_mem_t kind;
+  haddr_t address;
+  std::vector<std::byte> bytes;
+};
+
 /// An open file. The library knows its first member only.
 struct OutputFile {
   H5FD_t library{};
   int descriptor = -1;
   haddr_t end_of_space = 0, end_of_file = 0;
-  int error = 0;  ///< errno of the first write that failed
+  haddr_t end_at_flush = 0;             ///< of the space that the metadata on disk refer to
+  std::vector<MetadataWrite> metadata;  ///< of the flush that has begun
+  int error = 0;                        ///< errno of the first write that failed
 };
 
 /// errno of the file that this thread closed last.
@@ -57,9 +67,42 @@ H5FD_t* open(const char* name, unsigned flags, hid_t, haddr_t) {
   return &file->library;
 }
 
+void write_bytes(OutputFile& file, haddr_t address, const std::byte* from, std::size_t size) {
+  while (size > 0 && file.error == 0) {
+    const ssize_t n = ::pwrite(file.descriptor, from, size, static_cast<off_t>(address));
+    if (n < 0) {
+      if (errno != EINTR) file.error = errno;
+      continue;
+    }
+    from += n;
+    address += static_cast<haddr_t>(n);
+    size -= static_cast<std::size_t>(n);
+  }
+}
+
+/// Place in the order of a flush: what is new, then the end of the file, then what is overwritten, of B-trees
+/// (specification 3.0, III.A.1) the upper nodes first.
+int turn(const MetadataWrite& one, haddr_t end_at_flush) {
+  constexpr std::size_t level_at = 5;
+  if (one.kind == H5FD_MEM_SUPER) return 1;
+  if (one.address >= end_at_flush) return 0;
+  const bool is_node = one.bytes.size() > level_at && std::memcmp(one.bytes.data(), "TREE", 4) == 0;
+  return 300 - (is_node ? static_cast<int>(one.bytes[level_at]) : 0);
+}
+
+void write_metadata(OutputFile& file) {
+  std::stable_sort(file.metadata.begin(), file.metadata.end(), [&](const MetadataWrite& a, const MetadataWrite& b) {
+    return turn(a, file.end_at_flush) < turn(b, file.end_at_flush);
+  });
+  for (const MetadataWrite& one : file.metadata) write_bytes(file, one.address, one.bytes.data(), one.bytes.size());
+  file.metadata.clear();
+  file.end_at_flush = file.end_of_space;
+}
+
 /// Unlocked by name: a process that another thread has just forked holds the descriptor and its lock until its exec.
 herr_t close(H5FD_t* pointer) {
   OutputFile* const file = &of(pointer);
+  write_metadata(*file);
   ::flock(file->descriptor, LOCK_UN);
   if (::close(file->descriptor) != 0 && file->error == 0 && errno != EINTR) file->error = errno;
   error_when_closed = file->error;
@@ -77,7 +120,7 @@ int compare(const H5FD_t* a, const H5FD_t* b) {
 }
 
 herr_t query(const H5FD_t*, unsigned long* flags) {
-  *flags = H5FD_FEAT_ACCUMULATE_METADATA | H5FD_FEAT_DATA_SIEVE | H5FD_FEAT_DEFAULT_VFD_COMPATIBLE;
+  *flags = H5FD_FEAT_DATA_SIEVE | H5FD_FEAT_DEFAULT_VFD_COMPATIBLE;
   return 0;
 }
 
@@ -94,10 +137,21 @@ herr_t handle(H5FD_t* file, hid_t, void** out) {
   return 0;
 }
 
+/// Bytes of [address, address + size) that have not been written yet.
+void read_waiting(const OutputFile& file, haddr_t address, std::size_t size, std::byte* out) {
+  for (const MetadataWrite& one : file.metadata) {
+    const haddr_t begin = std::max(address, one.address);
+    const haddr_t end = std::min(address + size, one.address + one.bytes.size());
+    if (begin < end) std::memcpy(out + (begin - address), one.bytes.data() + (begin - one.address), end - begin);
+  }
+}
+
 /// Zeros behind the end of the file, as the library expects.
-herr_t read(H5FD_t* pointer, H5FD_mem_t, hid_t, haddr_t address, std::size_t size, void* buffer) {
+herr_t read(H5FD_t* pointer, H5FD_mem_t, hid_t, haddr_t from, std::size_t bytes, void* buffer) {
   const OutputFile& file = of(pointer);
   auto* out = static_cast<std::byte*>(buffer);
+  haddr_t address = from;
+  std::size_t size = bytes;
   while (size > 0) {
     const ssize_t n = ::pread(file.descriptor, out, size, static_cast<off_t>(address));
     if (n < 0 && errno == EINTR) continue;
@@ -111,23 +165,29 @@ herr_t read(H5FD_t* pointer, H5FD_mem_t, hid_t, haddr_t address, std::size_t siz
     size -= static_cast<std::size_t>(n);
   }
   std::memset(out, 0, size);
+  read_waiting(file, from, bytes, static_cast<std::byte*>(buffer));
   return 0;
 }
 
-herr_t write(H5FD_t* pointer, H5FD_mem_t, hid_t, haddr_t address, std::size_t size, const void* buffer) {
+/// Chunks at once, metadata when the flush ends.
+herr_t write(H5FD_t* pointer, H5FD_mem_t kind, hid_t, haddr_t address, std::size_t size, const void* buffer) {
   OutputFile& file = of(pointer);
-  const auto* from = static_cast<const std::byte*>(buffer);
-  while (size > 0 && file.error == 0) {
-    const ssize_t n = ::pwrite(file.descriptor, from, size, static_cast<off_t>(address));
-    if (n < 0) {
-      if (errno != EINTR) file.error = errno;
-      continue;
-    }
-    from += n;
-    address += static_cast<haddr_t>(n);
-    size -= static_cast<std::size_t>(n);
-  }
+  const auto* const from = static_cast<const std::byte*>(buffer);
   file.end_of_file = std::max(file.end_of_file, address + size);  // also of what was dropped
+  if (kind == H5FD_MEM_DRAW) {
+    write_bytes(file, address, from, size);
+    return 0;
+  }
+  try {
+    file.metadata.push_back({kind, address, {from, from + size}});
+  } catch (const std::bad_alloc&) {
+    if (file.error == 0) file.error = ENOMEM;
+  }
+  return 0;
+}
+
+herr_t flush(H5FD_t* file, hid_t, hbool_t) {
+  write_metadata(of(file));
   return 0;
 }
 
@@ -171,6 +231,7 @@ hid_t output_driver() {
     driver.get_handle = handle;
     driver.read = read;
     driver.write = write;
+    driver.flush = flush;
     driver.truncate = truncate;
     driver.lock = lock;
     driver.unlock = unlock;
@@ -182,6 +243,7 @@ hid_t output_driver() {
 }
 
 void throw_if(int error) {
+  if (error == ENOMEM) throw std::bad_alloc();
   if (error != 0) throw Failure(std::strerror(error));
 }
 

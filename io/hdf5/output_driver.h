@@ -1,7 +1,9 @@
 // How HDF5 files are written: a driver of the library that does not tell it of failed writes. HDF5 1.10 crashes in
 // H5Ocopy, and when it closes the file, where a write fails. So the driver remembers the first failure, drops all later
 // writes, and the writer asks. Space is taken from the end of the file as it is asked for, without blocks set aside:
-// so the bytes do not depend on when the file was flushed.
+// so the bytes do not depend on when the file was flushed. Metadata wait for the end of a flush, and are written in an
+// order in which no part of the file refers to one that is not there yet: a kill between two writes costs nothing that
+// was flushed before.
 #pragma once
 
 #include "io/hdf5/hdf5.h"

@@ -35,9 +35,10 @@ FileLock lock_part_file(const std::string& part) {
   return std::move(*hold);
 }
 
-void rename_to(const std::string& aside, const std::string& part) {
-  if (std::rename(aside.c_str(), part.c_str()) != 0)
+void rename_to(UnfinishedFile& aside, const std::string& part) {
+  if (std::rename(aside.path().c_str(), part.c_str()) != 0)
     throw IoError("cannot create '" + part + "' (" + std::strerror(errno) + "). Choose a folder you may write to");
+  aside.keep();
 }
 
 }  // namespace
@@ -46,25 +47,23 @@ void rename_to(const std::string& aside, const std::string& part) {
 /// it undisturbed, and takes the place of the old one, lock and all, while we hold that one's lock.
 hdf5::Handle create_part_file(const std::string& part) {
   const FileLock hold = lock_part_file(part);
-  std::string aside;
+  UnfinishedFile aside(aside_name(part));
   try {
-    hdf5::Handle file = create_aside_file(part, aside);
+    hdf5::Handle file = hdf5::create_file(aside.path());
     rename_to(aside, part);
     return file;
   } catch (...) {
-    ::unlink(aside.c_str());
     if (size_of(part) == 0) ::unlink(part.c_str());  // made for its lock
     throw;
   }
 }
 
-hdf5::Handle create_aside_file(const std::string& part, std::string& aside) {
+std::string aside_name(const std::string& part) {
   static std::atomic<int> number = 0;
-  aside = part + "." + std::to_string(::getpid()) + "-" + std::to_string(number++);
-  return hdf5::create_file(aside);
+  return part + "." + std::to_string(::getpid()) + "-" + std::to_string(number++);
 }
 
-void replace_part_file(const std::string& aside, const std::string& part) {
+void replace_part_file(UnfinishedFile& aside, const std::string& part) {
   const FileLock hold = lock_part_file(part);
   rename_to(aside, part);
 }

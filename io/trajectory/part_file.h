@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "core/system/unfinished_file.h"
 #include "io/hdf5/hdf5.h"
 
 namespace graupel::io {
@@ -12,12 +13,10 @@ namespace graupel::io {
 /// file that another run has locked stays as it is. Throws IoError for that, and hdf5::Failure.
 hdf5::Handle create_part_file(const std::string& part);
 
-/// The same in two steps, for a file that is filled before it replaces what is there: creates it under a name of its
-/// own
-/// (`aside`, which the caller removes when it fails), ...
-hdf5::Handle create_aside_file(const std::string& part, std::string& aside);
+/// For a file that is filled before it replaces `part`: a name of its own, ...
+std::string aside_name(const std::string& part);
 /// ... and puts it in the place of `part`. Throws IoError when another run has locked that.
-void replace_part_file(const std::string& aside, const std::string& part);
+void replace_part_file(UnfinishedFile& aside, const std::string& part);
 
 /// Closes the file `path`.part and gives it its final name. Throws IoError and hdf5::Failure.
 void finish_part_file(hdf5::Handle& file, const std::string& path);

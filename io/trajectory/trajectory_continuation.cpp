@@ -117,6 +117,7 @@ void copy_kept_frames(const InterruptedTrajectory& found, const TrajectoryCheckp
   int64_t next = begin;
   for (hsize_t row = 0; row < times.size() && next <= checkpoint.frame; ++row, ++next) {
     const auto frame = found.frames.read(row);
+    if (!frame && next >= recent) break;  // the checkpoint has it
     if (!frame) refuse(found.file, checkpoint, "its frame " + std::to_string(next) + " is damaged");
     if (next >= recent) {
       const ParticleFrame& known = checkpoint.recent[static_cast<std::size_t>(next - recent)];

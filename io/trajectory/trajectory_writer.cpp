@@ -1,6 +1,5 @@
 // Streams a trajectory to HDF5. Whole chunks only are written, once each, and metadata leaves memory at flushes only:
 // a kill can cost the frames since the last flush, never earlier ones.
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -296,21 +295,16 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
     if (contacts) append_forces(FrameForces(options.contacts.size()));
     return;
   }
-  std::string aside;
-  try {
-    guarded("start", [&] { start(header, create_aside_file(part, aside)); });
-    hsize_t row = 0;
-    copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) {
-      append(frame);
-      if (contacts) append_forces(found->frames.contact_forces(row++));
-    });
-    guarded("write to", [&] { flush(); });
-    found.reset();
-    replace_part_file(aside, part);
-  } catch (...) {
-    ::unlink(aside.c_str());
-    throw;
-  }
+  UnfinishedFile aside(aside_name(part));
+  guarded("start", [&] { start(header, hdf5::create_file(aside.path())); });
+  hsize_t row = 0;
+  copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) {
+    append(frame);
+    if (contacts) append_forces(found->frames.contact_forces(row++));
+  });
+  guarded("write to", [&] { flush(); });
+  found.reset();
+  replace_part_file(aside, part);
 }
 
 namespace {
