@@ -70,6 +70,14 @@ class SceneTest(unittest.TestCase):
         with self.assertRaisesRegex(graupel.ConfigError, "contact is not known"):
             scene.with_mesh(vertices, triangles, contact="glue")
 
+    def test_the_builders_dict_is_a_copy(self):
+        builder = graupel.SceneBuilder(size=(1, 1, 1)).material("water", preset="water")
+        keys = builder.to_dict()
+        keys["domain"]["size"][0] = 7
+        keys["materials"]["sand"] = {"preset": "sand"}
+        self.assertEqual(builder.to_dict()["domain"]["size"], [1, 1, 1])
+        self.assertEqual(list(builder.to_dict()["materials"]), ["water"])
+
     def test_a_dict_is_plain_data(self):
         json.dumps(block().to_dict())
 

@@ -1,6 +1,9 @@
 """PyTorch: the HGN module gives the numbers of the C++ code; windows of data sets. Skipped where torch is not there."""
+import copy
+import io
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -80,6 +83,33 @@ class HgnTest(unittest.TestCase):
         path = graupel.model_path("hgn")
         self.assertEqual(set(HGN(path).state_dict()), set(read_safetensors(path)[1]))
 
+    def test_copies_and_pickles_have_the_weights(self):
+        from graupel.torch import HGN
+        scene = graupel.Scene.from_file(graupel.scene_path("shared/water_steps"))
+        history, types = graupel.NetworkModel(graupel.model_path("hgn")).start(scene)
+        history, types = history[:, :500], types[:500]
+        with tempfile.TemporaryDirectory() as folder, torch.no_grad():
+            file = os.path.join(folder, "hgn.safetensors")
+            shutil.copy(graupel.model_path("hgn"), file)
+            module = HGN(os.path.relpath(file))
+            module.get_parameter("up.1.0.gather.weight")[:] *= 1.01
+            wanted = module.accelerations(scene, history, types)
+            saved = io.BytesIO()
+            torch.save(module, saved)
+            saved.seek(0)
+            twin = copy.deepcopy(module)
+            for other in (twin, pickle.loads(pickle.dumps(module)), torch.load(saved, weights_only=False)):
+                self.assertTrue(torch.equal(other.accelerations(scene, history, types), wanted))
+            twin.get_parameter("decoder.layer2.weight")[:] = 0
+            self.assertTrue(torch.equal(module.accelerations(scene, history, types), wanted))
+            averaged = torch.optim.swa_utils.AveragedModel(module)
+            averaged.update_parameters(module)
+            pickled = pickle.dumps(module)
+        elsewhere = pickle.loads(pickled)
+        self.assertEqual(set(elsewhere.state_dict()), set(module.state_dict()))
+        with self.assertRaisesRegex(graupel.InputError, "hgn.safetensors"):
+            elsewhere.features(scene, history, types)
+
     def test_other_models_are_refused(self):
         from graupel.torch import HGN
         with self.assertRaisesRegex(graupel.InputError, "gns"):
@@ -114,6 +144,15 @@ class WindowsTest(unittest.TestCase):
         self.assertEqual(set(windows[0]["materials"].tolist()), {0})
         with self.assertRaises(IndexError):
             windows[3]
+
+    def test_items_are_independent(self):
+        from graupel.torch import WindowDataset
+        windows = WindowDataset(self.file)
+        item = windows[0]
+        item["particle_types"][:] = -7
+        item["materials"][:] = -7
+        self.assertEqual(set(windows[0]["particle_types"].tolist()), {6})
+        self.assertEqual(set(windows[1]["materials"].tolist()), {0})
 
     def test_a_loader_reads_in_workers(self):
         from graupel.torch import WindowDataset

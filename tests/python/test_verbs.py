@@ -18,6 +18,9 @@ class VerbsTest(unittest.TestCase):
         self.addCleanup(place.cleanup)
         self.folder = place.name
 
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
     def test_data_sets_are_made(self):
         recipe = graupel.scene_path("recipes/hgn")
         changes = {"counts.train": 2, "counts.valid": 1, "counts.test": 0, "frames": 4}
@@ -51,6 +54,60 @@ class VerbsTest(unittest.TestCase):
         with self.assertRaises(graupel.Error):
             graupel.generate(graupel.scene_path("recipes/hgn"), os.path.join(in_the_way, "data"),
                              changes={"counts.train": 1, "counts.valid": 0, "counts.test": 0, "frames": 1})
+
+    def test_dicts_are_checked_by_the_program(self):
+        text = graupel.scene_path("recipes/hgn").read_text(encoding="utf-8")
+        recipe = json.loads("".join(line for line in text.splitlines() if not line.strip().startswith("//")))
+        recipe.update(frames=1, counts={"train": 1, "valid": 0, "test": 0})
+        self.assertEqual(graupel.generate(recipe, self.path("data"))["train"], 1)
+        with self.assertRaisesRegex(graupel.ConfigError, "/obstacles"):
+            graupel.generate({**recipe, "obstacles": 3}, self.path("x"))
+        for key, value in (("sources", 3), ("sources", [3]), ("obstacles", {"shape": "box"}), ("obstacles", "mesh")):
+            with self.assertRaisesRegex(graupel.ConfigError, f"/{key}"):
+                graupel.compare({**block().to_dict(), key: value}, "mpm")
+
+    def test_files_of_dicts_begin_at_the_working_directory(self):
+        with open(self.path("m.obj"), "w", encoding="ascii") as file:
+            file.write("v 0 0 0\nv 0.1 0 0\nv 0 0 0.1\nv 0 0.1 0\nf 1 2 3\nf 2 1 4\nf 3 2 4\nf 1 3 4\n")
+        keys = block(frames=1).to_dict()
+        keys["obstacles"] = [{"shape": "mesh", "file": "m.obj", "position": [0.2, 0.1, 0.2]}]
+        before = os.getcwd()
+        self.addCleanup(os.chdir, before)
+        os.chdir(self.folder)
+        graupel.compare(keys, "mpm", floors=False)
+        self.assertEqual(keys["obstacles"][0]["file"], "m.obj")
+
+    def test_names_are_no_flags(self):
+        with self.assertRaisesRegex(graupel.InputError, "-h"):
+            graupel.compare("-h", "mpm")
+        for model in ("-h", "--help"):
+            with self.assertRaises(graupel.Error):
+                graupel.compare(block(), model)
+        with self.assertRaisesRegex(graupel.ConfigError, "split '-h'"):
+            graupel.compare(block(), "mpm", split="-h")
+        for name in ("a,b.safetensors", ""):
+            with self.assertRaisesRegex(graupel.ConfigError, f"the model '{name}'.*without commas"):
+                graupel.compare(block(), ["mpm", name])
+
+    def test_paths_may_be_bytes_that_are_no_utf8(self):
+        out = os.path.join(os.fsencode(self.folder), b"x\xff")
+        graupel.generate(graupel.scene_path("recipes/hgn"), out, fields="",
+                         changes={"counts.train": 1, "counts.valid": 0, "counts.test": 0, "frames": 1})
+        self.assertEqual(len(graupel.open(os.path.join(out, b"train.h5"))), 1)
+
+    def test_empty_outputs_are_refused_before_the_work(self):
+        before = os.getcwd()
+        self.addCleanup(os.chdir, before)
+        os.chdir(self.folder)
+        for name, call in (("path", lambda: graupel.simulate(block(), "")),
+                           ("path", lambda: graupel.simulate(block(), b"")),
+                           ("out", lambda: graupel.generate(graupel.scene_path("recipes/hgn"), "")),
+                           ("report", lambda: graupel.compare(block(), "mpm", report="")),
+                           ("csv", lambda: graupel.compare(block(), "mpm", csv="")),
+                           ("pictures", lambda: graupel.compare(block(), "mpm", pictures=""))):
+            with self.assertRaisesRegex(graupel.ConfigError, f"{name} is ''"):
+                call()
+        self.assertEqual(os.listdir(self.folder), [])
 
     def test_ctrl_c_ends_the_program_too(self):
         code = ("import graupel, os, signal, threading\n"

@@ -1,6 +1,8 @@
 """Scenes piece by piece."""
 from __future__ import annotations
 
+from copy import deepcopy
+
 from ._graupel import Scene
 
 
@@ -47,8 +49,8 @@ class SceneBuilder:
         return self
 
     def to_dict(self) -> dict:
-        """The keys so far."""
-        return dict(self._keys)
+        """A copy of the keys so far."""
+        return deepcopy(self._keys)
 
     def scene(self, folder=".", **keys) -> Scene:
         """The checked scene, with more keys as in set(). Relative paths start at folder. Raises ConfigError."""

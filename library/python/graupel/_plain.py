@@ -1,6 +1,7 @@
 """What callers give in Python's own kinds, as the module and the program take it: arrays, JSON, changes of scenes."""
 import json
 import math
+import os
 from collections.abc import Mapping
 
 from ._errors import ConfigError
@@ -61,6 +62,14 @@ def json_text(value, name="scene"):
         if odd is None:
             raise ConfigError(f"{name} cannot be written as JSON ({error}). Correct it") from error
         raise ConfigError(f"{name}: {odd[0]} = {odd[1]} is not finite. Correct it") from None
+
+
+def output_path(name, path):
+    """The path of an output as text. Raises ConfigError where it is empty."""
+    text = os.fsdecode(path)
+    if not text:
+        raise ConfigError(f"{name} is '' (allowed: a path of one character or more). Name a file or folder")
+    return text
 
 
 def change_words(changes):

@@ -5,6 +5,7 @@ import struct
 
 from ._errors import ConfigError, DivergedError, InputError
 from ._graupel import NetworkModel, ReducedModel, Scene, Simulation, Trajectory, TrajectoryWriter
+from ._plain import output_path
 
 
 def architecture_of(weights) -> str:
@@ -18,7 +19,7 @@ def architecture_of(weights) -> str:
     except FileNotFoundError as error:
         raise InputError(f"cannot read '{os.fsdecode(weights)}' (there is no such file). Give the path of a weights "
                          "file, or graupel.model_path(NAME)") from error
-    except (OSError, ValueError, KeyError, TypeError, struct.error) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, struct.error) as error:
         raise InputError(f"'{os.fsdecode(weights)}' holds no model of Graupel ({error}). Give a .safetensors file that "
                          "`graupel train` made") from error
 
@@ -49,6 +50,7 @@ def simulate(scene: Scene, path, frames: int | None = None, *, device: str = "cp
     that blows up ends with DivergedError and leaves the frames before in the file. The file takes the place of nothing
     that the scene was read from (ConfigError).
     """
+    path = output_path("path", path)
     count = scene.frames if frames is None else frames
     if count < 0:
         raise ConfigError(f"frames must not be negative ({count}). Use 0 or more")

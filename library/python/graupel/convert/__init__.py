@@ -9,35 +9,36 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     """Converts the data set in the folder `source` to the new folder `target`; what was made, as a dict.
 
     format: of the output, 'graupel', 'gns', 'lagrangebench' or 'tfrecord'; that of the input is found by its files.
-    types: of the other program, '5=water,6=obstacle'; split: of train, valid, test; changes: {'gravity': [0, -9.8, 0]}
-    of the scenes that are made; connectivity_radius [m], default the input's; progress(done, total). Needs h5py. Raises
-    ConfigError, InputError, IoError.
+    types: of the other program, '5=water,6=obstacle'; split: one or several of train, valid, test; changes: {'gravity':
+    [0, -9.8, 0]} of the scenes that are made; connectivity_radius [m], default the input's. progress(done, total) after
+    each trajectory; what it raises ends the conversion. Runs in a process of its own. Needs h5py. Raises ConfigError,
+    InputError, IoError.
     """
-    import argparse
     import os
 
     from .. import _errors
-    from .._plain import change_words
+    from .._plain import change_words, output_path
     from .._program import PROGRAM
-    os.environ.setdefault("HDF5_PLUGIN_PRELOAD", "::")  # files must not load filters from the disk
+    from .arguments import checked_format, checked_radius, checked_split, checked_types
+    from .child import Child
+    from .errors import ConfigError
     try:
-        from .command import result_of
-        from .conversion import Conversion
-        from .errors import ConvertError
-        from .flags import FORMATS
-        from .scenes import Program
-    except ImportError as error:
-        raise _errors.ConfigError(f"converting data sets needs h5py ({error}). Run pip install h5py") from error
-    if format not in FORMATS:
-        raise _errors.ConfigError(f"format '{format}' is not known (allowed: {', '.join(FORMATS)}). Choose one of "
-                                  "these")
-    options = argparse.Namespace(input=os.fsdecode(source), output=os.fsdecode(target), format=format, types=types,
-                                 split=list(split), connectivity_radius=connectivity_radius,
-                                 set=change_words(changes))
-    try:
-        conversion = Conversion(options, Program(str(PROGRAM)), progress or (lambda done, total: None))
-        conversion.run()
-    except ConvertError as error:
-        kinds = {2: _errors.ConfigError, 3: _errors.InputError, 5: _errors.IoError}
-        raise kinds.get(error.code, _errors.Error)(str(error)) from error
-    return result_of(options, conversion)
+        request = {"input": os.fsdecode(source), "output": output_path("target", target),
+                   "format": checked_format(format), "types": checked_types(types), "split": checked_split(split),
+                   "connectivity_radius": checked_radius(connectivity_radius), "set": change_words(changes),
+                   "program": str(PROGRAM)}
+    except ConfigError as error:
+        raise _errors.ConfigError(str(error)) from error
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a '{type(progress).__name__}' (allowed: a function of (done, total), or None)")
+    kinds = {kind.exit_code: kind for kind in (_errors.ConfigError, _errors.InputError, _errors.IoError)}
+    with Child(request) as child:
+        for message in child.messages():
+            if "error" in message:
+                code, text = message["error"]
+                raise kinds.get(code, _errors.Error)(text)
+            if "progress" not in message:
+                result = message["result"]
+            elif progress is not None:
+                progress(*message["progress"])
+    return result

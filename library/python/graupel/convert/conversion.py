@@ -207,8 +207,7 @@ class Conversion:
             return
         else:
             motion = {key: values + [0.0] * (3 - len(values)) for key, values in motion.items()}
-            text = graupel_metadata(self.scenes.first, self.figures, self.train_types, motion, self.metadata.radius,
-                                    self.scenes.first.frame_time)
+            text = graupel_metadata(self.scenes.first, self.metadata, self.figures, self.train_types, motion)
         folder.write_json("metadata.json", text)
 
     def _card(self):

@@ -186,11 +186,13 @@ def _facts(program, text, where, known):
                     periodic=scene.periodic()[:axes], grid_spacing=scene.dx, gravity=scene.root["gravity"]), obstacles
 
 
-def graupel_metadata(scene, splits, types, motion, radius, frame_time):
-    """metadata.json of Graupel's own data sets: as `generate` writes it, of the training split and its types."""
-    per_cell = scene.root["sources"][0]["particles_per_cell"]
-    train = splits["train"]
-    out = {"case": scene.root["name"], "solver": "MPM", "dim": 3, "dx": float(scene.dx / np.cbrt(per_cell)), "dt": frame_time,
+def graupel_metadata(scene, metadata, splits, types, motion):
+    """metadata.json of Graupel's own data sets: as `generate` writes it, of the training split and its types. The
+    distance of particles is that of the input's metadata, else that in the first source."""
+    train, frame_time, spacing = splits["train"], scene.frame_time, metadata.particle_spacing
+    if spacing is None:
+        spacing = float(scene.dx / np.cbrt(scene.root["sources"][0]["particles_per_cell"]))
+    out = {"case": scene.root["name"], "solver": "MPM", "dim": 3, "dx": spacing, "dt": frame_time,
            "write_every": 1, "t_end": frame_time * (train.most_frames - 1), "sequence_length": train.most_frames - 1}
     for name in SPLITS:
         if name in splits:
@@ -198,5 +200,6 @@ def graupel_metadata(scene, splits, types, motion, radius, frame_time):
             out["num_trajs_" + name] = splits[name].trajectories
     return {**out, "num_particles_max": max(split.most_particles for split in splits.values()),
             "periodic_boundary_conditions": scene.periodic(),
-            "bounds": [list(pair) for pair in zip(scene.low, scene.high)], "default_connectivity_radius": radius, **motion,
+            "bounds": [list(pair) for pair in zip(scene.low, scene.high)],
+            "default_connectivity_radius": metadata.radius, **motion,
             "material_names": {str(number): name_of(number) for number in sorted(types)}}

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 
 import numpy
@@ -63,17 +64,39 @@ class Level:
         return sender[receiver, slot], receiver, -steps[slot]
 
 
+class OwnCode:
+    """Graupel's own reader of a weights file. Copies share it; a pickle holds the path and reads it when asked."""
+
+    def __init__(self, path):
+        self.path, self._model = path, None
+
+    def model(self):
+        if self._model is None:
+            self._model = NetworkModel(self.path)
+        return self._model
+
+    def __deepcopy__(self, memo):
+        return self
+
+    def __reduce__(self):
+        return OwnCode, (self.path,)
+
+
 class HGN(nn.Module):
     """An HGN with the weights of a file. Its parameters have the file's names: state_dict() is that of the file.
 
     forward() is the network alone, differentiable in weights and inputs; features() and accelerations() bring the
-    scene. Networks in the plane and those of the paper's form (aggregation 'messages') are refused.
+    scene. Copies and pickles (copy.deepcopy, torch.save) have the weights of the module; features() and accelerations()
+    of a pickle need the file where it was. Networks in the plane and those of the paper's form (aggregation 'messages')
+    are refused.
     """
 
     def __init__(self, weights):
         """Raises InputError for a file that holds no HGN, ConfigError for one of another form."""
         super().__init__()
-        self._model = NetworkModel(weights)  # checks the file
+        weights = os.path.abspath(os.fsdecode(weights))
+        self._own = OwnCode(weights)
+        self._own.model()  # checks the file
         metadata, tensors = read_safetensors(weights)
         if metadata.get("architecture") != "hgn":
             raise InputError(f"'{weights}' holds no HGN ({metadata.get('architecture')}). Give weights of "
@@ -180,7 +203,8 @@ class HGN(nn.Module):
 
         history [history + 1, n, 3] m, newest last; of scenes with one material of each law.
         """
-        features, rows, origin = self._model.features(scene, numpy.asarray(history), numpy.asarray(particle_types))
+        own = self._own.model()
+        features, rows, origin = own.features(scene, numpy.asarray(history), numpy.asarray(particle_types))
         like = self.embedding.weight
         return (torch.tensor(features, dtype=like.dtype, device=like.device),
                 torch.tensor(rows, dtype=torch.int64, device=like.device), origin)

@@ -82,7 +82,7 @@ class WindowDataset(torch.utils.data.Dataset):
         first = (place - (self._ends[number - 1] if number else 0)) * self.stride
         trajectory, types, materials = self._of_trajectory(number)
         item = {"positions": torch.from_numpy(trajectory.positions[first:first + self.length]),
-                "particle_types": types, "materials": materials, "trajectory": number, "frame": first}
+                "particle_types": types.clone(), "materials": materials.clone(), "trajectory": number, "frame": first}
         if trajectory.has_active:
             item["active"] = torch.from_numpy(trajectory.active[first:first + self.length].astype(bool))
         return item
