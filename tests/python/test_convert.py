@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 import numpy as np
 
@@ -65,8 +66,11 @@ class ConvertTest(unittest.TestCase):
             for value in values:
                 with self.assertRaisesRegex(graupel.ConfigError, f"{name} .*{words}"):
                     graupel.convert.data_set(self.data, self.path("x"), **{"format": "gns", name: value})
-        with self.assertRaisesRegex(graupel.ConfigError, "target is ''"):
-            graupel.convert.data_set(self.data, "", format="gns")
+        for target in ("", "x\0y"):
+            with self.assertRaisesRegex(graupel.ConfigError, "target is '.*without null bytes"):
+                graupel.convert.data_set(self.data, target, format="gns")
+        with unittest.mock.patch("sys.executable", None), self.assertRaisesRegex(graupel.ConfigError, "sys.executable"):
+            graupel.convert.data_set(self.data, self.path("x"), format="gns")
         with self.assertRaisesRegex(TypeError, "progress is a 'int'"):
             graupel.convert.data_set(self.data, self.path("x"), format="gns", progress=5)
         self.assertFalse(os.path.exists(self.path("x")))

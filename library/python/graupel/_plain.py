@@ -65,10 +65,11 @@ def json_text(value, name="scene"):
 
 
 def output_path(name, path):
-    """The path of an output as text. Raises ConfigError where it is empty."""
+    """The path of an output as text. Raises ConfigError where no file can have it."""
     text = os.fsdecode(path)
-    if not text:
-        raise ConfigError(f"{name} is '' (allowed: a path of one character or more). Name a file or folder")
+    if not text or "\0" in text:
+        raise ConfigError(f"{name} is {text!r} (allowed: a path of one character or more, without null bytes). Name a "
+                          "file or folder")
     return text
 
 

@@ -22,17 +22,18 @@ def data_set(source, target, *, format="graupel", types="", split=(), changes=No
     from .arguments import checked_format, checked_radius, checked_split, checked_types
     from .child import Child
     from .errors import ConfigError
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a '{type(progress).__name__}' (allowed: a function of (done, total), or None)")
     try:
         request = {"input": os.fsdecode(source), "output": output_path("target", target),
                    "format": checked_format(format), "types": checked_types(types), "split": checked_split(split),
                    "connectivity_radius": checked_radius(connectivity_radius), "set": change_words(changes),
                    "program": str(PROGRAM)}
+        child = Child(request)
     except ConfigError as error:
         raise _errors.ConfigError(str(error)) from error
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a '{type(progress).__name__}' (allowed: a function of (done, total), or None)")
     kinds = {kind.exit_code: kind for kind in (_errors.ConfigError, _errors.InputError, _errors.IoError)}
-    with Child(request) as child:
+    with child:
         for message in child.messages():
             if "error" in message:
                 code, text = message["error"]

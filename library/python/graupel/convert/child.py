@@ -12,7 +12,7 @@ import subprocess
 import sys
 import traceback
 
-from .errors import ConvertError, Interrupted
+from .errors import ConfigError, ConvertError, Interrupted
 
 START = ("import json, sys; sys.path[:] = sys.argv[1:]; import convert; request = json.loads(sys.stdin.readline()); "
          "sys.path[:] = request.pop('path'); from convert.child import main; main(request)")
@@ -24,6 +24,8 @@ class Child:
     def __init__(self, request):
         folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         self.output = request["output"]
+        if not sys.executable:
+            raise ConfigError("this program does not know its Python (sys.executable is empty), which converts. Set it")
         # -I: what is imported is found by the parent's path. A session of its own: Ctrl-C reaches the parent alone.
         self.process = subprocess.Popen(
             [sys.executable, "-I", "-X", f"utf8={sys.flags.utf8_mode}", "-c", START, folder], stdin=subprocess.PIPE,
