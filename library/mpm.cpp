@@ -14,6 +14,7 @@ struct Simulation::Impl {
   uint64_t seed;
   std::unique_ptr<mpm::Simulation> run;
   ParticleMaterials materials;
+  std::vector<double> volume;
   /// Copies of the present state; empty until they are asked for.
   std::shared_ptr<const ParticleFrame> frame;
   std::map<ParticleField, std::shared_ptr<const std::vector<float>>> fields;
@@ -41,7 +42,7 @@ Scene with_names(Scene scene) {
 
 Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
     : impl_(std::make_unique<Impl>(
-          Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}, {}, {}})) {
+          Impl{with_names(scene), settings.seed.value_or(scene.seed), nullptr, {}, {}, {}, {}, {}})) {
   if (settings.device == Device::cuda) parse_device("cuda");  // says what is missing
   mpm::SimulationOptions options;
   options.device = settings.device;
@@ -50,6 +51,7 @@ Simulation::Simulation(const Scene& scene, const SimulationSettings& settings)
   options.contact_forces = settings.contact_forces;
   const mpm::PreparedScene prepared(impl_->scene, options);
   impl_->materials = kept_materials(impl_->scene.materials, prepared.particles.material);
+  impl_->volume = prepared.particles.volume;
   impl_->run = mpm::create_with_user_materials(prepared, settings.materials);
 }
 Simulation::Simulation(Simulation&&) noexcept = default;
@@ -73,6 +75,7 @@ std::span<const int32_t> Simulation::particle_type() const { return impl_->run->
 std::span<const Vec3f> Simulation::position() const { return impl_->state()->position; }
 std::span<const Vec3f> Simulation::velocity() const { return impl_->state()->velocity; }
 std::span<const uint8_t> Simulation::active() const { return impl_->state()->active; }
+std::span<const double> Simulation::volume() const { return impl_->volume; }
 std::span<const float> Simulation::field(ParticleField field) const { return *shared_field(field); }
 std::shared_ptr<const ParticleFrame> Simulation::shared_frame() const { return impl_->state(); }
 std::shared_ptr<const std::vector<float>> Simulation::shared_field(ParticleField field) const {

@@ -61,6 +61,8 @@ class Simulation {
   std::span<const Vec3f> velocity() const;
   /// 0 for particles that are not in the run (yet, any more); empty where all always are.
   std::span<const uint8_t> active() const;
+  /// Reference volume of each particle, shape [particles]; [m^3]. Its mass is this times the density of its material.
+  std::span<const double> volume() const;
   /// A field now, shape [particles, info_of(field).components]; valid as long as position().
   std::span<const float> field(ParticleField field) const;
   /// What the spans above look at, for callers that keep it beyond the next frame; it never changes.

@@ -1,5 +1,7 @@
 #include "mpm/simulation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -97,11 +99,26 @@ const Scene& fitting(const Scene& scene, const SimulationOptions& options) {
   return scene;
 }
 
+/// Where f32 tells places apart to 1/1000 of a cell: |x| 2^-23 of 2^13 cells. Farther away matter loses its height.
+void check_single_precision(const Domain& domain, const std::vector<Vec3d>& positions) {
+  constexpr double most_cells = 8192;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    for (int axis = 0; axis < domain.axes(); ++axis)
+      if (std::abs(positions[i][axis]) > most_cells * domain.dx)
+        throw ConfigError(fmt::format(
+            "particle {} begins at {} = {:.6g} m, {:.6g} cells from 0 (allowed in single precision: {}, where places "
+            "are "
+            "told apart to 1/1000 of a cell). Move /domain/origin and what is in it nearer to 0, or use double "
+            "precision (--precision f64)",
+            i, "xyz"[axis], positions[i][axis], std::abs(positions[i][axis]) / domain.dx, most_cells));
+}
+
 SampledParticles checked_particles(const Scene& scene, const SimulationOptions& options,
                                    const sparsegrid::ObstacleSet& obstacles) {
   for (const auto& [name, material] : scene.materials) check_material(material);
   SampledParticles particles = sample_sources(scene, options.seed);
   check_memory(least_memory(scene.domain, options, static_cast<double>(particles.position.size())), options.device);
+  if (options.precision == Precision::f32) check_single_precision(scene.domain, particles.position);
   check_start(scene, particles, obstacles);
   return particles;
 }

@@ -363,7 +363,7 @@ compare::ModelResult SceneComparison::evaluate(const ComparedModel& model) {
   if (has_one_step_error(model.choice.kind)) result.one_step_source = model.network ? "true history" : "own rollout";
   if (task_.stored && model.network && model.network->config().material_constants)
     start_.material =
-        mpm::particle_materials(task_.scene, *task_.stored, truth_.run.position(0), "'" + task_.source + "'");
+        mpm::network_materials(task_.scene, *task_.stored, truth_.run.position(0), "'" + task_.source + "'");
   add_remarks(model, result);
   if (options_.one_step_only) {
     if (model.network) result.values = compare::one_step_values(one_step_of_network(model));

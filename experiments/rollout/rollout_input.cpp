@@ -110,8 +110,8 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
                     options.input, index, there, options.start, history, there == history ? ", or --frames" : ""));
   const ParticleFrame first = reader.frames(index, 0, 1).front();
   if (materials)
-    start.material = mpm::particle_materials(start.scene, header, first.position,
-                                             fmt::format("'{}': trajectory {}", options.input, index));
+    start.material = mpm::network_materials(start.scene, header, first.position,
+                                            fmt::format("'{}': trajectory {}", options.input, index));
   StartState particles;
   particles.particle_type = start.particle_type;
   particles.position = first.position;

@@ -115,9 +115,11 @@ void RecordedRun::append_frame() {
 
 /// `state`: that of the last whole frame; null: it is the run's.
 void RecordedRun::stop(const std::vector<std::byte>* state) {
-  if (options_.save_state.empty())
+  if (options_.save_state.empty()) {
+    writer_->leave();
     throw_interrupted(fmt::format(
         "; '{0}.part' holds the frames so far, recover them with 'graupel inspect --recover {0}'", output()));
+  }
   save(writer_->checkpoint(), state);
   throw_interrupted(fmt::format("; '{0}' holds the state of frame {1}, go on with 'graupel simulate --resume {0}'",
                                 options_.save_state, frame_));

@@ -80,14 +80,14 @@ void write_bytes(OutputFile& file, haddr_t address, const std::byte* from, std::
   }
 }
 
-/// Place in the order of a flush: what is new, then the end of the file, then what is overwritten, of B-trees
-/// (specification 3.0, III.A.1) the upper nodes first.
+/// Place in the order of a flush: what is new, then the end of the file, then what is overwritten: nodes of B-trees
+/// (specification 3.0, III.A.1), the upper ones first, then headers, which say how many frames there are.
 int turn(const MetadataWrite& one, haddr_t end_at_flush) {
   constexpr std::size_t level_at = 5;
   if (one.kind == H5FD_MEM_SUPER) return 1;
   if (one.address >= end_at_flush) return 0;
   const bool is_node = one.bytes.size() > level_at && std::memcmp(one.bytes.data(), "TREE", 4) == 0;
-  return 300 - (is_node ? static_cast<int>(one.bytes[level_at]) : 0);
+  return is_node ? 300 - static_cast<int>(one.bytes[level_at]) : 400;
 }
 
 void write_metadata(OutputFile& file) {

@@ -72,6 +72,7 @@ class TrajectoryWriter {
                    const TrajectoryCheckpoint& checkpoint);
   ~TrajectoryWriter();
   /// Throws IoError (disk full: bytes needed and where).
+  /// Throws ConfigError for a frame that is not later than the one before.
   void append(const ParticleFrame& frame);
   /// Adds the forces of the frame that append() added last, in the order of TrajectoryWriteOptions::contacts.
   void append_forces(const std::vector<ContactForce>& forces);
@@ -84,6 +85,8 @@ class TrajectoryWriter {
   void parameters(const std::vector<NamedValue>& values);
   /// Adds a dataset to the trajectory's group, once for a name.
   void table(const FrameTable& table);
+  /// Writes all frames so far: they stay in the .part file, to be recovered. Nothing may follow. Throws IoError.
+  void leave();
   /// Flush, complete=1, close, fsync, rename.
   void finish(int64_t diverged_at_frame = -1);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <limits>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -50,6 +51,7 @@ struct TrajectoryWriter::Impl {
   std::vector<ParticleFrame> pending;  ///< not written yet
   hsize_t written = 0;
   hsize_t flushed = 0;
+  double last_time = -std::numeric_limits<double>::infinity();  ///< [s]
   bool closed = false;
 
   void start(const Trajectory& header, hdf5::Handle empty_file);
@@ -214,6 +216,11 @@ void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
   for (const ParticleField field : all_particle_fields)
     GRAUPEL_ASSERT(!options.fields.contains(field) ||
                    frame.fields[field].size() == particles * static_cast<std::size_t>(info_of(field).components));
+  if (!(frame.time > last_time))
+    throw ConfigError("frame " + std::to_string(written + pending.size()) + " of '" + path + "' is at " +
+                      std::to_string(frame.time) + " s, the one before at " + std::to_string(last_time) +
+                      " s (allowed: later ones). Append each frame once, in their order");
+  last_time = frame.time;
   const bool first = written == 0 && pending.empty();
   pending.push_back(stored_part(frame));
   const std::string doing = "write frame " + std::to_string(written + pending.size() - 1) + " to";
@@ -300,7 +307,7 @@ void TrajectoryWriter::Impl::continue_from(const Trajectory& header, const Traje
   hsize_t row = 0;
   copy_kept_frames(*found, checkpoint, header.frame_time, [&](const ParticleFrame& frame) {
     append(frame);
-    if (contacts) append_forces(found->frames.contact_forces(row++));
+    if (contacts) append_forces(found->frames.kept_forces(row++));
   });
   guarded("write to", [&] { flush(); });
   found.reset();
@@ -385,6 +392,16 @@ void TrajectoryWriter::table(const FrameTable& table) {
                                                        .description = table.description});
     hdf5::write_all(dataset, hdf5::Element::float32, table.values.data());
   });
+}
+
+void TrajectoryWriter::leave() {
+  GRAUPEL_ASSERT(!impl_->closed);
+  const auto chunks = impl_->filter_pending();
+  impl_->guarded("write to", [&] {
+    impl_->write_pending(chunks);
+    impl_->flush();
+  });
+  impl_->closed = true;
 }
 
 void TrajectoryWriter::finish(int64_t diverged_at_frame) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/system/error.h"
 #include "io/trajectory/field_datasets.h"
 #include "io/trajectory/material_dataset.h"
 #include "io/trajectory/run_parameters.h"
@@ -56,6 +57,7 @@ bool UnfinishedTrajectory::has_chunks(hsize_t row) const {
   const auto has = [&](const hdf5::Dataset& dataset) { return row < dataset.size[0] && dataset.has_chunks(row); };
   bool all = has(position_) && has(time_) && (!velocity_ || has(*velocity_)) && (!active_ || has(*active_));
   for (const auto& [field, dataset] : fields_) all = all && has(dataset);
+  if (contacts_) all = all && row < contacts_->row_count();
   return all;
 }
 
@@ -103,6 +105,14 @@ std::optional<ParticleFrame> UnfinishedTrajectory::read(hsize_t row) const {
 
 FrameForces UnfinishedTrajectory::contact_forces(hsize_t row) const {
   return row < contacts_->row_count() ? contacts_->read(row) : FrameForces(contacts_->names.size());
+}
+
+FrameForces UnfinishedTrajectory::kept_forces(hsize_t row) const {
+  if (row >= contacts_->row_count())
+    throw InputError("the forces of row " + std::to_string(row) +
+                     " are not in the trajectory (a recovered one keeps those of its frames alone), so it cannot be "
+                     "continued with forces. Name an output that is not there yet, or run the scene again");
+  return contacts_->read(row);
 }
 
 std::map<std::string, std::string> UnfinishedTrajectory::attributes() const {

@@ -25,11 +25,13 @@ class UnfinishedTrajectory {
   Trajectory header() const;
   /// Which datasets it has.
   TrajectoryWriteOptions contents() const;
-  /// The frame at `row`, or nothing when a chunk is missing or fails its checksum. The first one has velocities where
-  /// only these are stored.
+  /// The frame at `row`, or nothing when a chunk is missing or fails its checksum, or forces are missing. The first one
+  /// has velocities where only these are stored.
   std::optional<ParticleFrame> read(hsize_t row) const;
   /// Forces at `row`, of a file whose contents() has contacts; zeros where they are missing.
   FrameForces contact_forces(hsize_t row) const;
+  /// The same; throws InputError where they are missing.
+  FrameForces kept_forces(hsize_t row) const;
   /// Text attributes of the trajectory, without those of its parameters.
   std::map<std::string, std::string> attributes() const;
   std::vector<NamedValue> parameters() const;

@@ -24,7 +24,7 @@ class PyBatch {
     if (seeds) settings.seeds = std::move(*seeds);
     device_ = settings.device;
     const std::vector<Scene> all = scenes_of(scenes);
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     batch_ = std::make_unique<Batch>(all, settings);
   }
 
@@ -114,7 +114,7 @@ class PyBatch {
     return frames;
   }
   std::shared_ptr<const ParticleFrame> frame_of(std::size_t i, FieldSet wanted = {}) const {
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     return batch_->frame(i, wanted);
   }
   GpuArray on_device(std::size_t i, ParticleQuantity what) const {
@@ -123,12 +123,12 @@ class PyBatch {
 
   /// The threads of the batch make substeps; this one asks for signals, which Python tells its main thread alone.
   void advance_on_cpu() {
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     std::atomic<bool> stop = false;
     auto frame = start_task([&] { return batch_->advance_frame([&] { return stop.load(); }); });
-    SignalPoll poll;
     try {
-      while (frame.wait_for(std::chrono::milliseconds(50)) == std::future_status::timeout) poll();
+      do poll_();
+      while (frame.wait_for(std::chrono::milliseconds(50)) == std::future_status::timeout);
     } catch (...) {
       stop = true;
       frame.wait();
@@ -137,18 +137,18 @@ class PyBatch {
     frame.get();
   }
   void advance_on_gpu() {
-    nb::gil_scoped_release release;
-    SignalPoll poll;
+    const WithoutGil others_run;
     batch_->advance_frame([&] {
-      poll();
+      poll_();
       return false;
     });
-    poll();
+    poll_();
   }
 
   std::unique_ptr<Batch> batch_;
   std::vector<std::string> files_;  ///< of the scenes
   Device device_ = Device::cpu;
+  SignalPoll poll_;
   std::atomic<bool> busy_ = false;
 };
 

@@ -10,6 +10,7 @@
 #include "library/python/arrays.h"
 #include "library/python/trajectory_frames.h"
 #include "library/rom.h"
+#include "nn/bf16_gemm.h"
 
 namespace graupel::python {
 
@@ -18,7 +19,7 @@ namespace {
 /// progress(frame), with the GIL.
 void report(const nb::object& progress, int64_t frame) {
   if (progress.is_none()) return;
-  nb::gil_scoped_acquire gil;
+  const WithGil gil;
   progress(frame);
 }
 
@@ -44,15 +45,26 @@ NetworkHistory history_of(nb::handle positions, nb::handle types) {
 }
 
 struct PyNetwork {
-  explicit PyNetwork(const std::string& file) : model(file) {}
+  explicit PyNetwork(const std::string& weights) : model(weights), file(std::filesystem::absolute(weights).string()) {
+    nn::choose_gemm_precision();  // as the program does
+  }
   NetworkModel model;
+  std::string file;
   std::atomic<bool> busy = false;  ///< on a GPU one thread at a time
 };
 
+struct PyReducedModel : ReducedModel {
+  explicit PyReducedModel(const std::string& weights)
+      : ReducedModel(weights), file(std::filesystem::absolute(weights).string()) {
+    nn::choose_gemm_precision();
+  }
+  std::string file;
+};
+
 /// In memory, with what it was made of.
-PyTrajectory made_of(Trajectory made, const PyScene& scene) {
+PyTrajectory made_of(Trajectory made, const PyScene& scene, const std::string& weights) {
   std::vector<NamedFile> inputs = files_of(scene);
-  inputs.push_back({"the weights", std::filesystem::absolute(made.made_by).string()});
+  inputs.push_back({"the weights", weights});
   PyTrajectory trajectory = in_memory(std::move(made));
   trajectory.inputs = std::move(inputs);
   return trajectory;
@@ -80,13 +92,13 @@ PyTrajectory roll_out(PyNetwork& network, const PyScene& scene, std::optional<in
   };
   Trajectory made;
   {
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     made = network.model.rollout(scene, options);
   }
-  return made_of(std::move(made), scene);
+  return made_of(std::move(made), scene, network.file);
 }
 
-PyTrajectory run_reduced(const ReducedModel& model, const PyScene& scene, std::optional<int64_t> frames,
+PyTrajectory run_reduced(const PyReducedModel& model, const PyScene& scene, std::optional<int64_t> frames,
                          const std::string& device, const std::string& precision, std::optional<uint64_t> seed,
                          const nb::object& progress) {
   if (frames && *frames < 0) throw ConfigError("frames must not be negative. Use 0 or more");
@@ -97,7 +109,7 @@ PyTrajectory run_reduced(const ReducedModel& model, const PyScene& scene, std::o
   {
     const Device place = parse_device(device);
     const bool f64 = is_f64(precision);
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     ReducedSimulation run(model, scene, {.device = place, .f64 = f64, .seed = seed});
     made = run.header();
     made.frames.push_back(run.frame());
@@ -115,7 +127,7 @@ PyTrajectory run_reduced(const ReducedModel& model, const PyScene& scene, std::o
     verdict = run.verdict();
     trust = run.trust_number();
   }
-  PyTrajectory trajectory = made_of(std::move(made), scene);
+  PyTrajectory trajectory = made_of(std::move(made), scene, model.file);
   trajectory.verdict = verdict;
   trajectory.trust_number = trust;
   return trajectory;
@@ -178,7 +190,7 @@ void bind_models(nb::module_& module) {
             const NetworkHistory known = history_of(history, types);
             auto made = std::make_shared<std::vector<Vec3f>>();
             {
-              nb::gil_scoped_release release;
+              const WithoutGil others_run;
               *made = network.model.accelerations(scene, known);
             }
             return rows_of(*made, made);
@@ -191,21 +203,21 @@ void bind_models(nb::module_& module) {
           "remarks", [](const PyNetwork& network, const PyScene& scene) { return network.model.remarks(scene); },
           "scene"_a, "What of a scene the network was not trained on, a sentence each.");
 
-  nb::class_<ReducedModel>(module, "ReducedModel", "A reduced-order model (NSF, CROM) of a weights file.")
+  nb::class_<PyReducedModel>(module, "ReducedModel", "A reduced-order model (NSF, CROM) of a weights file.")
       .def(
           "__init__",
-          [](ReducedModel* place, const nb::object& weights) { new (place) ReducedModel(path_of(weights)); },
+          [](PyReducedModel* place, const nb::object& weights) { new (place) PyReducedModel(path_of(weights)); },
           "weights"_a, nb::sig("def __init__(self, weights: str | os.PathLike) -> None"),
           "Raises InputError for a file that is missing, damaged or holds no reduced-order model.")
       .def_prop_ro(
           "scene",
-          [](const ReducedModel& model) {
-            return PyScene{model.scene(), ""};
+          [](const PyReducedModel& model) {
+            return PyScene{model.scene(), model.file};
           },
           "The scene of a training run, which every run starts from.")
       .def_prop_ro(
           "parameters",
-          [](const ReducedModel& model) {
+          [](const PyReducedModel& model) {
             nb::list all;
             for (const ReducedParameter& p : model.parameters()) {
               nb::dict one;
@@ -221,7 +233,7 @@ void bind_models(nb::module_& module) {
           nb::sig("def parameters(self) -> list[dict]"),
           "Keys of the scene that may differ from run to run: name, unit, keys, and the training's low, high.")
       .def(
-          "remarks", [](const ReducedModel& model, const PyScene& scene) { return model.remarks(scene); }, "scene"_a,
+          "remarks", [](const PyReducedModel& model, const PyScene& scene) { return model.remarks(scene); }, "scene"_a,
           "What of a scene the model was not trained on. Raises ConfigError for a scene that it cannot run.")
       .def(
           "rollout", &run_reduced, "scene"_a, "frames"_a = nb::none(), nb::kw_only(), "device"_a = "cpu",

@@ -147,7 +147,7 @@ std::vector<std::string> changes_of(nb::handle changes) {
 PyScene scene_from_file(nb::object path, nb::object changes) {
   const std::string file = path_of(path);
   const std::vector<std::string> words = changes_of(changes);
-  nb::gil_scoped_release release;
+  const WithoutGil others_run;
   return {io::read_scene(file, words), std::filesystem::absolute(file).string()};
 }
 
@@ -155,7 +155,7 @@ PyScene scene_from_dict(nb::handle keys, nb::object folder, nb::object changes) 
   const auto text = nb::cast<std::string>(plain().attr("json_text")(keys));
   const std::string place = path_of(folder);
   const std::vector<std::string> words = changes_of(changes);
-  nb::gil_scoped_release release;
+  const WithoutGil others_run;
   return {io::parse_scene(text, "scene", place, words), ""};
 }
 

@@ -34,19 +34,23 @@ class PySimulation {
     settings.seed = seed;
     settings.contact_forces = forces;
     on_gpu_ = settings.device == Device::cuda;
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     run_ = std::make_unique<Simulation>(scene, settings);
   }
 
   bool step() {
     const InUse in_use(busy_);
-    nb::gil_scoped_release release;
-    return run_->advance_substep();
+    const WithoutGil others_run;
+    in_frame_ = true;
+    in_frame_ = !run_->advance_substep();
+    return !in_frame_;
   }
   void advance_frame() {
     const InUse in_use(busy_);
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
+    in_frame_ = true;
     advance();
+    in_frame_ = false;
   }
   void run(std::optional<int64_t> frames, const nb::object& progress) {
     const int64_t count = frames.value_or(run_->scene().frames);
@@ -89,6 +93,11 @@ class PySimulation {
     const std::span<const int32_t> types = run_->particle_type();
     return array_of(std::vector<int32_t>(types.begin(), types.end()), {types.size()});
   }
+  nb::ndarray<nb::numpy, const double> volumes() {
+    const InUse in_use(busy_);
+    const auto values = run_->volume();
+    return array_of(std::vector<double>(values.begin(), values.end()), {values.size()});
+  }
   nb::dict balance() {
     const InUse in_use(busy_);
     const Balance b = run_->balance();
@@ -115,6 +124,10 @@ class PySimulation {
   }
   nb::bytes save_state() {
     const InUse in_use(busy_);
+    if (in_frame_)
+      throw ConfigError(
+          "a state is saved between two frames, and this run is inside of one (after step(), or a call that was "
+          "interrupted). Call advance_frame(), which ends it, first");
     const std::vector<std::byte> state = run_->save_state();
     return nb::bytes(reinterpret_cast<const char*>(state.data()), state.size());
   }
@@ -123,6 +136,7 @@ class PySimulation {
     std::vector<std::byte> bytes(state.size());
     std::memcpy(bytes.data(), state.c_str(), state.size());
     run_->load_state(bytes);
+    in_frame_ = false;
   }
   double time() const { return run_->time(); }
   int64_t substeps() const { return run_->substeps(); }
@@ -133,7 +147,7 @@ class PySimulation {
   /// A copy of the state now.
   ParticleFrame frame(FieldSet wanted) {
     const InUse in_use(busy_);
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     return run_->frame(wanted);
   }
   Trajectory header() {
@@ -143,15 +157,16 @@ class PySimulation {
 
  private:
   void advance() {
-    SignalPoll poll;
-    while (!run_->advance_substep()) poll();
-    poll();
+    while (!run_->advance_substep()) poll_();
+    poll_();
   }
 
   std::unique_ptr<Simulation> run_;
   std::vector<NamedFile> inputs_;
   std::string file_;  ///< of the scene
   bool on_gpu_ = false;
+  bool in_frame_ = false;  ///< step() has begun a frame
+  SignalPoll poll_;
   std::atomic<bool> busy_ = false;
 };
 
@@ -177,13 +192,13 @@ class PyWriter {
                         " particles does not go into this file (allowed: " + std::to_string(particle_count_) +
                         ", as of the run that its writer was made for). Make a writer of its own");
     const ParticleFrame frame = simulation.frame(fields_);
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     writer.append(frame);
   }
   void finish(int64_t diverged_at_frame) {
     const InUse in_use(busy_);
     io::TrajectoryWriter& writer = open();
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     writer.finish(diverged_at_frame);
     writer_.reset();
   }
@@ -191,6 +206,9 @@ class PyWriter {
   void leave(bool whole) {
     if (whole && writer_) finish(-1);
     const InUse in_use(busy_);
+    if (!writer_) return;
+    const WithoutGil others_run;
+    writer_->leave();
     writer_.reset();
   }
 
@@ -238,6 +256,9 @@ void bind_simulation(nb::module_& module) {
                    "u8 [particles]: 0 for particles that are not in the run (yet, any more).")
       .def_prop_ro("particle_types", &PySimulation::particle_types, nb::rv_policy::automatic,
                    "i32 [particles], ids of the material's model; docs/reference/file_formats.md.")
+      .def_prop_ro(
+          "volumes", &PySimulation::volumes, nb::rv_policy::automatic,
+          "f64 [particles] m^3, of the matter before it deforms; with_particles(volumes=run.volumes) keeps masses.")
       .def("field", &PySimulation::field, "name"_a, nb::sig("def field(self, name: str) -> numpy.ndarray | GpuArray"),
            "f32: 'stress' [n, 6] Pa (Kirchhoff: xx, xy, xz, yy, yz, zz), 'affine' [n, 3, 3] 1/s,\n"
            "'deformation_gradient' [n, 3, 3] (elastic part), 'plastic' [n].")

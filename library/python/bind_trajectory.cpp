@@ -27,7 +27,7 @@ class FileFrames final : public TrajectoryFrames {
   FileFrames(std::shared_ptr<OpenFile> file, int index) : file_(std::move(file)), index_(index) {}
   std::vector<std::shared_ptr<const ParticleFrame>> frames(int64_t first, int64_t count,
                                                            FieldSet wanted) const override {
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     const std::lock_guard lock(file_->mutex);
     std::vector<std::shared_ptr<const ParticleFrame>> read;
     for (ParticleFrame& frame : file_->reader.frames(index_, first, count, wanted))
@@ -73,7 +73,7 @@ class MemoryFrames final : public TrajectoryFrames {
 
 std::shared_ptr<OpenFile> open_file(const nb::object& path) {
   const std::string file = path_of(path);
-  nb::gil_scoped_release release;
+  const WithoutGil others_run;
   return std::make_shared<OpenFile>(file);
 }
 
@@ -185,7 +185,7 @@ void write(const PyTrajectory& trajectory, const nb::object& path, bool velociti
   if (!parameters.empty()) writer.parameters(parameters);
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const auto frame = trajectory.frames->frames(i, 1, options.fields).front();
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     writer.append(*frame);
     if (!options.contacts.empty()) writer.append_forces(forces[static_cast<std::size_t>(i)]);
     poll();
@@ -198,13 +198,18 @@ nb::object scene_dict(const PyTrajectory& trajectory) {
   return nb::module_::import_("json").attr("loads")(text_of(trajectory.header.scene_json));
 }
 
+/// Places in the scene's materials; -1 for those of obstacles, and for all where the file does not tell them.
 nb::ndarray<nb::numpy, const int32_t> materials_of(const PyTrajectory& trajectory) {
   const std::string where = trajectory.file.empty() ? "the trajectory" : "'" + trajectory.file + "'";
-  if (trajectory.header.scene_json.empty() || trajectory.size() == 0)
-    throw InputError(where + " stores no scene, which names the materials. Use particle_types");
-  const Scene scene = io::parse_stored_scene(trajectory.header.scene_json, where, trajectory.file);
-  std::vector<int32_t> materials =
-      mpm::particle_materials(scene, trajectory.header, trajectory.frames->frames(0, 1, {}).front()->position, where);
+  std::vector<int32_t> materials(trajectory.header.particle_type.size(), -1);
+  if (!trajectory.header.scene_json.empty() && trajectory.size() > 0) {
+    try {
+      const Scene scene = io::parse_stored_scene(trajectory.header.scene_json, where, trajectory.file);
+      const auto first = trajectory.frames->frames(0, 1, {}).front();
+      materials = mpm::particle_materials(scene, trajectory.header, first->position, where);
+    } catch (const Error&) {  // no scene of these particles, as where they came from arrays
+    }
+  }
   const std::size_t count = materials.size();
   return array_of(std::move(materials), {count});
 }
@@ -315,10 +320,9 @@ void bind_trajectory(nb::module_& module) {
           [](const PyTrajectory& t) { return array_of(t.header.particle_type, {t.header.particle_type.size()}); },
           "i32 [particles], ids of the material's model.", nb::rv_policy::automatic)
       .def_prop_ro("particle_count", [](const PyTrajectory& t) { return t.header.particle_count(); })
-      .def_prop_ro(
-          "particle_materials", &materials_of,
-          "i32 [particles], places in Scene.materials; -1 for none. Raises InputError where files do not tell.",
-          nb::rv_policy::automatic)
+      .def_prop_ro("particle_materials", &materials_of,
+                   "i32 [particles], places in Scene.materials; -1 for none, and for all where the file does not tell.",
+                   nb::rv_policy::automatic)
       .def_prop_ro(
           "has_active",
           [](const PyTrajectory& t) { return t.size() > 0 && !t.frames->frames(0, 1, {}).front()->active.empty(); },

@@ -12,6 +12,7 @@
 
 #include "core/scene/trajectory.h"
 #include "core/system/error.h"
+#include "library/python/gil.h"
 
 namespace graupel::python {
 
@@ -76,15 +77,17 @@ nb::ndarray<nb::numpy, const float> field_array(ParticleField field, const std::
   return array_of(values, {n, components}, std::move(owner));
 }
 
-/// Python's signals (Ctrl-C), asked for at most twenty times a second from work that runs without the GIL.
+/// Python's signals (Ctrl-C), asked for at most twenty times a second from work that runs without the GIL. One for all
+/// frames of a run: frames may be shorter than that.
 class SignalPoll {
  public:
   /// Throws what Python's handler raised, KeyboardInterrupt for Ctrl-C.
   void operator()() {
+    stay_if_ending();
     const auto now = std::chrono::steady_clock::now();
     if (now - last_ < std::chrono::milliseconds(50)) return;
     last_ = now;
-    nb::gil_scoped_acquire gil;
+    const WithGil gil;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
   }
 

@@ -7,6 +7,7 @@ namespace graupel::python {
 std::string path_of(nb::handle path) {
   const nb::bytes encoded(nb::module_::import_("os").attr("fsencode")(path));
   std::string file(encoded.c_str(), encoded.size());
+  if (file.empty()) throw ConfigError("a path is empty. Name a file");
   if (file.find('\0') != std::string::npos)
     throw ConfigError("the path '" + file.substr(0, file.find('\0')) + "' goes on after a null byte. Give another");
   return file;

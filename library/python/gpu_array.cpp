@@ -51,7 +51,7 @@ nb::ndarray<nb::numpy, const float> GpuArray::numpy() {
   if (!copy_) {
     auto copy = std::make_shared<std::vector<float>>(size());
     const Device device = cuda::device_of(rows_.get()) < 0 ? Device::cpu : Device::cuda;
-    nb::gil_scoped_release release;
+    const WithoutGil others_run;
     device_copy(Device::cpu, copy->data(), device, rows_.get(), copy->size() * sizeof(float));
     copy_ = std::move(copy);
   }

@@ -10,6 +10,7 @@ NB_MODULE(_graupel, module) {
   module.doc() = "Graupel's solver and models over NumPy arrays; import graupel instead.";
   nanobind::set_leak_warnings(false);  // processes that end at once, as workers of torch's loaders, keep their objects
   python::register_errors();
+  python::watch_end_of_interpreter(module);
   module.attr("__version__") = GRAUPEL_VERSION;
   module.attr("_native") = bool(GRAUPEL_NATIVE);
   module.def("cuda_available", &cuda_available, "Whether the package was built with CUDA and there is a usable GPU.");

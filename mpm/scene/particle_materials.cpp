@@ -81,11 +81,16 @@ std::vector<int32_t> materials_sampled_again(const Scene& scene, const Trajector
 
 std::vector<int32_t> particle_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
                                         const std::string& where) {
-  if (header.made_by.starts_with("converted from")) check_told(scene, where);
   const MaterialsByType by_type(scene.materials);
   if (!header.materials.empty()) return stored_materials(scene, header.materials, where);
   if (!by_type.tells_all()) return materials_sampled_again(scene, header, start, where);
   return by_type.indices(header.particle_type, where);
+}
+
+std::vector<int32_t> network_materials(const Scene& scene, const Trajectory& header, const std::vector<Vec3f>& start,
+                                       const std::string& where) {
+  if (header.made_by.starts_with("converted from")) check_told(scene, where);
+  return particle_materials(scene, header, start, where);
 }
 
 ParticleMaterials kept_materials(const Scene& scene, uint64_t seed) {

@@ -183,5 +183,46 @@ TEST(Continuation, ATrajectoryThatIsBeingWrittenIsLeftAlone) {
   EXPECT_EQ(TrajectoryReader(path).read(0).frame_count(), 6u);
 }
 
+TEST(Continuation, ForcesThatARecoveryLostAreNotMadeUp) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  TrajectoryWriteOptions options = with_fields;
+  options.contacts = {"floor"};
+  const std::vector<ContactForce> forces(1);
+  TrajectoryCheckpoint checkpoint;
+  {
+    TrajectoryWriter writer(path, header_of(), options);
+    for (int64_t f = 0; f <= 12; ++f) {
+      writer.append(frame_at(f));
+      writer.append_forces(forces);
+    }
+    checkpoint = {12, writer.checkpoint()};
+  }
+  ASSERT_LT(checkpoint.recent.size(), 13u);
+  recover_part_file(path, true);
+  expect_error<InputError>([&] { TrajectoryWriter(path, header_of(), options, checkpoint); }, {"forces of row"});
+}
+
+TEST(Writer, FramesThatWereLeftAreAllRecovered) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.h5");
+  {
+    TrajectoryWriter writer(path, header_of(), with_fields);
+    for (int64_t f = 0; f <= 6; ++f) writer.append(frame_at(f));
+    writer.leave();
+  }
+  EXPECT_EQ(recover_part_file(path, false), 7);
+}
+
+TEST(Writer, TakesFramesInTheirOrder) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), header_of(), with_fields);
+  writer.append(frame_at(3));
+  for (const int64_t f : {2, 3})
+    expect_error<ConfigError>([&] { writer.append(frame_at(f)); }, {"frame 1 of", "0.300000 s", "in their order"});
+  writer.append(frame_at(4));
+  writer.finish();
+}
+
 }  // namespace
 }  // namespace graupel::io

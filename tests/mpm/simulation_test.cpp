@@ -38,6 +38,19 @@ TEST(Simulation, FreeFallIsExactToRounding) {
   }
 }
 
+TEST(Simulation, FarFrom0SinglePrecisionIsRefused) {
+  Scene scene = scene_with("water", {1e5 + 0.5, 0.5, 0.5});
+  scene.domain.origin = {1e5, 0, 0};
+  try {
+    Simulation::create(scene, {});
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const ConfigError& error) {
+    for (const char* part : {"particle 0", "x = ", "8192", "/domain/origin", "--precision f64"})
+      EXPECT_THAT(error.what(), HasSubstr(part));
+  }
+  EXPECT_NO_THROW(Simulation::create(scene, {.precision = Precision::f64}));
+}
+
 TEST(Simulation, ACollisionKeepsMomentumAndAngularMomentum) {
   Scene scene = scene_with("jelly", {0.45, 0.5, 0.5});
   add_box(scene, "snow", {0.56, 0.53, 0.52});

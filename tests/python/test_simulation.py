@@ -2,6 +2,8 @@
 import gc
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 import unittest
@@ -117,6 +119,22 @@ class RunTest(unittest.TestCase):
         with self.assertRaises(graupel.InputError):
             other.load_state(state[:100])
 
+    def test_a_state_is_saved_between_frames_alone(self):
+        run = graupel.Simulation(block())
+        run.step()
+        with self.assertRaisesRegex(graupel.ConfigError, "inside of one"):
+            run.save_state()
+        run.advance_frame()
+        run.save_state()
+
+    def test_volumes_keep_the_mass_of_a_restart(self):
+        builder = graupel.SceneBuilder(size=(0.48, 0.48, 0.48), dx=0.02).material("water", preset="water")
+        builder.source("water", "box", size=(0.1, 0.1, 0.1), position=(0.24, 0.24, 0.24), particles_per_cell=27)
+        run = graupel.Simulation(builder.scene(frames=1))
+        self.assertEqual(run.volumes.shape, (run.particle_count,))
+        again = graupel.Simulation(run.scene.with_particles(run.positions, materials="water", volumes=run.volumes))
+        self.assertAlmostEqual(again.balance()["mass"], run.balance()["mass"], delta=1e-6)
+
     def test_runs_that_blow_up_say_so(self):
         keys = block().to_dict()
         keys["time_step"]["substeps_per_frame"] = 1
@@ -180,6 +198,24 @@ class ThreadsTest(unittest.TestCase):
             self.run_.step()
         thread.join()
         self.assertTrue(errors and "another thread" in errors[0])
+
+    def test_ctrl_c_ends_a_run_of_short_frames(self):
+        scene = block(frames=200000)
+        run = graupel.Simulation(scene)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        start = time.monotonic()
+        with self.assertRaises(KeyboardInterrupt):
+            run.run(200000)
+        self.assertLess(time.monotonic() - start, 5)
+
+    def test_a_thread_in_a_call_does_not_spoil_the_end_of_the_interpreter(self):
+        code = ("import threading, time, graupel; from scenes import large; run = graupel.Simulation(large()); "
+                "threading.Thread(target=run.run, daemon=True).start(); time.sleep(0.3)")
+        here = os.path.dirname(os.path.abspath(__file__))
+        for _ in range(3):
+            done = subprocess.run([sys.executable, "-c", code], cwd=here, capture_output=True, text=True, check=False,
+                                  timeout=60)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
 
     def test_ctrl_c_ends_a_frame_between_two_substeps(self):
         self.addCleanup(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))

@@ -93,13 +93,18 @@ class TrajectoryTest(unittest.TestCase):
 
     def test_a_writer_keeps_what_it_has_after_an_error(self):
         file = os.path.join(self.place.name, "broken.h5")
-        run = graupel.Simulation(block())
+        run, start = graupel.Simulation(block()), graupel.Simulation(block())
         with self.assertRaises(LookupError):
             with graupel.TrajectoryWriter(file, run) as writer:
-                writer.append(run)
+                for _ in range(3):
+                    writer.append(run)
+                    run.advance_frame()
+                with self.assertRaisesRegex(graupel.ConfigError, "in their order"):
+                    writer.append(start)
                 raise LookupError
         self.assertFalse(os.path.exists(file))
-        self.assertTrue(os.path.exists(file + ".part"))
+        os.rename(file + ".part", file)
+        self.assertEqual(len(graupel.Trajectory(file)), 3)
         with graupel.TrajectoryWriter(file + "2", run) as writer:
             writer.append(run)
         self.assertEqual(len(graupel.Trajectory(file + "2")), 1)

@@ -222,7 +222,7 @@ void DataSplit::find_materials(const DataSplitOptions& options) {
     const std::vector<Vec3f> start = reader_->frames(t, 0, 1).front().position;
     lock.unlock();
     info.material =
-        mpm::particle_materials(info.context->scene, header, start, "'" + file_ + "': trajectory " + std::to_string(i));
+        mpm::network_materials(info.context->scene, header, start, "'" + file_ + "': trajectory " + std::to_string(i));
   });
   has_materials_ = true;
 }

@@ -55,7 +55,7 @@ Stored stored(const Scene& scene, uint64_t seed) {
 
 std::string refusal(const Scene& scene, const Stored& data) {
   try {
-    particle_materials(scene, data.header, data.start, "'data.h5': trajectory 3");
+    network_materials(scene, data.header, data.start, "'data.h5': trajectory 3");
   } catch (const InputError& error) {
     return error.what();
   }
