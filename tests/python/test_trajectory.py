@@ -156,6 +156,12 @@ class RolloutTest(unittest.TestCase):
             graupel.rollout("no_such.safetensors", scene)
         with self.assertRaisesRegex(graupel.InputError, "no model"):
             graupel.rollout(graupel.scene_path("shared/water_steps"), scene)
+        with tempfile.TemporaryDirectory() as folder:
+            deep = os.path.join(folder, "deep.safetensors")
+            with open(deep, "wb") as file:
+                file.write((200_000).to_bytes(8, "little") + b"[" * 200_000)
+            with self.assertRaisesRegex(graupel.InputError, "deep.safetensors"):
+                graupel.rollout(deep, scene)
         with self.assertRaisesRegex(graupel.ConfigError, "coarse"):
             graupel.rollout(graupel.model_path("coarse-mpm"), scene)
         slow = graupel.Scene.from_file(graupel.scene_path("shared/water_steps"), {"frame_time": 0.1})
