@@ -33,7 +33,7 @@ void add_simulate(const Command& app) {
   verb.option("--write-obstacles", options->write_obstacles, "Write the obstacles' signed distances to this .vdb file")
       .names_file({".vdb"});
   verb.flag("--dry-run", options->dry_run, "Print particles, grid, substeps, memory, disk and time, then stop");
-  verb.flag("--print-defaults", options->print_defaults, "Print every scene key with its default");
+  verb.flag("--print-defaults", options->print_defaults, "Print every scene key with its default; takes no scene");
   options->common.add_to(verb);
   verb.footer(
       "Examples:\n  graupel simulate scenes/shared/water_steps.json -o steps.h5\n"

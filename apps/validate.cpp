@@ -13,14 +13,15 @@ void add_validate(const Command& program) {
   const Command verb =
       program.command("validate", "Tell all that is wrong with scenes, recipes and other files at once");
   verb.option("files", options->files,
-              "Scenes, recipes and chaos floors (.json), .h5, .safetensors, .vdb, saved states")
+              "Scenes, recipes and chaos floors (.json), .h5, .safetensors, .vdb, saved states, data sets' folders")
       .names_file({".json", ".h5", ".safetensors", ".vdb", ".state"})
+      .names_folder()
       .required();
   options->common.add_without_run_to(verb);
   verb.footer(
       "Examples:\n  graupel validate my_scene.json\n  graupel validate scenes/shared/*.json --json -\n"
       "Exit code 0 where all is well, else 3. Of a scene all keys are read, then the rules between keys and the files "
-      "that it names;\nfiles of other kinds are read up to their first error.");
+      "that it names;\nof data sets all splits; files of other kinds up to their first error.");
   verb.callback([options] { validate(*options); });
 }
 

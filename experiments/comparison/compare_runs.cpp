@@ -19,6 +19,7 @@
 #include "core/system/standard_output.h"
 #include "experiments/comparison/compare_scene.h"
 #include "experiments/comparison/fairness.h"
+#include "experiments/process/file_name.h"
 #include "experiments/process/json_text.h"
 #include "experiments/process/process.h"
 #include "io/trajectory/input_files.h"
@@ -104,6 +105,17 @@ std::optional<compare::OfflineTime> offline_time_of(const ComparedModel& model) 
   return time;
 }
 
+/// Before anything is run: flags that ask for what will not be there.
+void check_flags(const CompareOptions& options) {
+  if (options.one_step_only && !options.pictures.empty())
+    throw ConfigError("--pictures '" + options.pictures +
+                      "' shows rollouts, and --one-step-only makes none. Leave out one of them");
+  if (options.one_step_only && options.forces)
+    throw ConfigError("--forces records rollouts, and --one-step-only makes none. Leave out one of them");
+  if (options.forces && options.report.empty())
+    throw ConfigError("--forces is for the plots of a report, and none is written. Add --report FILE.html");
+}
+
 void check_one_step_only(const std::vector<ModelChoice>& models) {
   for (const ModelChoice& model : models)
     if (model.kind == ModelKind::reduced || model.kind == ModelKind::coarse ||
@@ -181,8 +193,8 @@ void write_pictures(const compare::Comparison& comparison, const std::string& fo
     for (const compare::ModelResult& result : scene.models) {
       const auto sheet = compare::stack_rows({compare::decode_png(scene.picture), compare::decode_png(result.picture)});
       std::string model = std::filesystem::path(compare::short_name(result.model, models)).replace_extension();
-      for (const char c : {':', '/'}) std::replace(model.begin(), model.end(), c, '_');
-      write_file_atomically(folder + "/" + scene.name + "-" + model + ".png", compare::encode_png(sheet));
+      std::replace(model.begin(), model.end(), ':', '_');
+      write_file_atomically(folder + "/" + file_name_of(scene.name + "-" + model) + ".png", compare::encode_png(sheet));
     }
 }
 
@@ -279,6 +291,7 @@ compare::Comparison make_comparison(const CompareOptions& options) {
 }
 
 void run_compare(const CompareOptions& options) {
+  check_flags(options);
   check_outputs(options);
   if (options.json == "-" || options.csv == "-" || options.report == "-") reserve_standard_output();
   compare::Comparison comparison;

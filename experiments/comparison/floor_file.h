@@ -34,6 +34,7 @@ class FloorFile {
   /// number of frames.
   const SceneFloors& of(const Scene& scene, uint64_t seed, int64_t frames) const;
 
+  const std::map<std::string, SceneFloors>& scenes() const { return scenes_; }
   void add(const std::string& scene, SceneFloors floors) { scenes_[scene] = std::move(floors); }
   /// Written aside and renamed. Throws IoError.
   void write(const std::string& path) const;

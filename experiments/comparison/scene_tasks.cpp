@@ -10,9 +10,12 @@
 #include <utility>
 
 #include "core/scene/recipes/category_recipe.h"
+#include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "experiments/data/scene_source.h"
 #include "experiments/data/stored_frames.h"
+#include "experiments/process/file_name.h"
+#include "experiments/process/input_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -60,6 +63,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
   if (!options.set.empty())
     throw ConfigError("--set cannot change the scenes of a data set ('" + path +
                       "'). Leave it out, or name scene files");
+  check_readable(path);
   const io::TrajectoryReader reader(path);
   std::vector<SceneTask> tasks;
   const SceneRange range = range_within(wanted, reader.count(), "'" + path + "'");
@@ -178,27 +182,26 @@ NamedScenes names_of(const std::vector<std::string>& words) {
   return names;
 }
 
-bool is_data_set_folder(const std::string& path) {
-  return fs::is_directory(path) && fs::exists(fs::path(path) / "dataset.json");
-}
+bool is_data_set_folder(const std::string& path) { return is_there(path + "/dataset.json"); }
 
 std::vector<std::string> scenes_of_folder(const std::string& path) {
+  check_readable(path);
   std::vector<std::string> inside;
-  for (const auto& entry : fs::directory_iterator(path))
-    if (entry.path().extension() == ".json") inside.push_back(entry.path());
+  for (const std::string& name : names_in(path))
+    if (name.ends_with(".json")) inside.push_back(fs::path(path) / name);
   if (inside.empty()) throw ConfigError("no scene (*.json) in folder '" + path + "'. Name another with --scenes");
-  std::sort(inside.begin(), inside.end());
   return inside;
 }
 
-/// Names are file names of pictures and keys of rows.
-void check_names_differ(const std::vector<SceneTask>& tasks) {
+/// Names are keys of rows, and of pictures the names of files.
+void check_names_differ(const std::vector<SceneTask>& tasks, bool with_pictures) {
   std::map<std::string, std::string> source_of;
   for (const SceneTask& task : tasks) {
-    const auto [found, added] = source_of.emplace(task.scene.name, task.source);
+    const std::string name = with_pictures ? file_name_of(task.scene.name) : task.scene.name;
+    const auto [found, added] = source_of.emplace(name, task.source);
     if (!added)
       throw ConfigError(fmt::format("'{}' and '{}' are both named '{}'. Change \"name\" in one, or compare them apart",
-                                    found->second, task.source, task.scene.name));
+                                    found->second, task.source, name));
   }
 }
 
@@ -225,7 +228,7 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
       add(read_data_set(file, names.range, options));
       split_used = split_used || of_folder;
       range_used = true;
-    } else if (fs::is_directory(path)) {
+    } else if (is_folder(path)) {
       for (const std::string& file : scenes_of_folder(path)) add({read_scene_file(file, options)});
     } else if (is_recipe(path)) {
       add(read_recipe(path, names.range, options));
@@ -234,7 +237,7 @@ std::vector<SceneTask> read_scene_tasks(const CompareOptions& options) {
       add({read_scene_file(path, options)});
     }
   }
-  check_names_differ(tasks);
+  check_names_differ(tasks, !options.pictures.empty());
   if (tasks.empty()) throw ConfigError("compare needs at least one scene. Example: --scenes scenes/shared");
   if (!options.split.empty() && !split_used)
     throw ConfigError("--split " + options.split +

@@ -15,8 +15,10 @@
 #include "core/system/error.h"
 #include "core/system/output_files.h"
 #include "experiments/export/film.h"
+#include "experiments/export/force_table.h"
 #include "experiments/export/frame_range.h"
 #include "experiments/export/run_pictures.h"
+#include "experiments/process/input_file.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "io/export/export.h"
@@ -162,6 +164,29 @@ void check_format(const ExportRequest& request) {
                       "; forces: csv). Choose one of these, or add --surface");
 }
 
+constexpr const char* name_characters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
+
+/// Files that begin with '.' are hidden.
+void check_flags(const ExportRequest& request) {
+  const std::string& name = request.name;
+  if (name.starts_with('.') || name.find_first_not_of(name_characters) != std::string::npos)
+    throw ConfigError("--name '" + name +
+                      "' cannot name exported files (allowed: letters, digits, '.', '_', '-', no '.' at the "
+                      "beginning). Choose another");
+  const char* of_surfaces = request.radius ? "--radius" : request.voxel ? "--voxel" : "--smoothing";
+  if (!request.surface && (request.radius || request.voxel || request.smoothing))
+    throw ConfigError(std::string(of_surfaces) +
+                      " is for surfaces, and particles are written. Add --surface, or leave " + of_surfaces + " out");
+}
+
+/// The input's name with '_' for what cannot be in names of exported files.
+std::string name_from(const std::string& input) {
+  std::string name = std::filesystem::path(input).stem().string();
+  if (name.starts_with('.')) name.front() = '_';
+  for (std::size_t at = 0; (at = name.find_first_not_of(name_characters, at)) != std::string::npos;) name[at] = '_';
+  return name;
+}
+
 std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTarget& target,
                                 const StoredScene& stored) {
   if (request.surface) return std::make_unique<SurfaceSink>(request.format, target, surface_settings(request, stored));
@@ -176,20 +201,23 @@ struct ExportResult {
 
 /// Forces on obstacles and walls, one file for all frames.
 ExportResult export_forces(const ExportRequest& request, const std::string& json, const io::TrajectoryReader& reader,
-                           const Trajectory& header) {
-  io::ForceTable table;
+                           const Trajectory& header, const std::vector<int64_t>& frames) {
+  ForceTable table;
   table.names = reader.contact_names(request.trajectory);
-  table.forces = reader.contact_forces(request.trajectory);
   if (table.names.empty())
     throw InputError("'" + request.input +
                      "' stores no forces on obstacles and walls. Make it by graupel simulate SCENE --forces");
-  for (const ParticleFrame& frame : header.frames) table.times.push_back(frame.time);
+  const std::vector<std::vector<ContactForce>> forces = reader.contact_forces(request.trajectory);
+  for (const int64_t frame : frames) {
+    const auto at = static_cast<std::size_t>(frame);
+    table.rows.push_back({frame, header.frames[at].time, forces.at(at)});
+  }
   const std::string stem = std::filesystem::path(request.input).stem().string();
   const std::string file = request.folder.empty() ? stem + "_forces.csv" : request.folder;
   check_output_file(file);
   io::check_inputs_kept({{"the trajectory", request.input}}, {{"--output", file}, {"--json", json}});
-  io::export_forces(table, file);
-  return {file, static_cast<int64_t>(table.times.size()), static_cast<int64_t>(header.particle_count())};
+  write_file_atomically(file, force_csv(table));
+  return {file, static_cast<int64_t>(frames.size()), static_cast<int64_t>(header.particle_count())};
 }
 
 FieldSet volume_ratio_fields(const FieldSet& stored) {
@@ -215,6 +243,8 @@ namespace {
 /// `json`: another output.
 ExportResult export_trajectory(const ExportRequest& request, const std::string& json) {
   check_format(request);
+  check_flags(request);
+  check_readable(request.input);
   const io::TrajectoryReader reader(request.input);
   if (request.trajectory < 0 || request.trajectory >= reader.count())
     throw ConfigError(fmt::format("--trajectory {} is not in '{}' (allowed: 0 to {})", request.trajectory,
@@ -222,12 +252,12 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   const Trajectory header = reader.header(request.trajectory);
   const auto frame_count = static_cast<int64_t>(header.frame_count());
   if (frame_count == 0) throw InputError("'" + request.input + "' has no frames (0). Export another trajectory");
-  if (request.format == force_format) return export_forces(request, json, reader, header);
   const std::vector<int64_t> frames = parse_frame_range(request.frames, frame_count, request.input);
+  if (request.format == force_format) return export_forces(request, json, reader, header, frames);
   const StoredScene stored = stored_scene(header.scene_json, request.input);
 
   io::ExportTarget target;
-  target.name = request.name.empty() ? std::filesystem::path(request.input).stem().string() : request.name;
+  target.name = request.name.empty() ? name_from(request.input) : request.name;
   target.folder = request.folder.empty() ? target.name + "_" + request.format : request.folder;
   target.frame_time = header.frame_time;
   if (stored.scene) {

@@ -1,11 +1,12 @@
 #include "experiments/inspection/file_facts.h"
 
-#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "experiments/comparison/floor_file.h"
+#include "experiments/process/input_file.h"
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
@@ -91,7 +92,15 @@ Json recipe_facts(const Recipe& recipe) {
           {"frame_time_s", recipe.frame_time}};
 }
 
+Json floor_facts(const std::string& file) {
+  const FloorFile floor_file(file);
+  Json scenes = Json::object();
+  for (const auto& [name, floors] : floor_file.scenes()) scenes[name] = {{"frames", floors.frames}};
+  return {{"kind", "chaos floors"}, {"scenes", scenes}};
+}
+
 Json document_facts(const std::string& file) {
+  if (is_floor_file(file)) return floor_facts(file);
   if (io::is_sweep(file)) return sweep_facts(file);
   if (io::is_category_recipe(file)) return recipe_facts(io::read_category_recipe(file));
   return io::is_recipe(file) ? recipe_facts(io::read_recipe(file)) : scene_facts(file);
@@ -103,7 +112,7 @@ Json data_set_facts(const std::string& folder) {
   Json splits = Json::object();
   for (const char* split : {"train", "valid", "test"}) {
     const std::string file = folder + "/" + split + ".h5";
-    if (!std::filesystem::exists(file)) continue;
+    if (!is_there(file)) continue;
     const io::TrajectoryReader reader(file);
     splits[split] = {{"trajectories", reader.count()}, {"complete", reader.complete()}};
     if (reader.count() > 0) splits[split]["frames"] = reader.header(0).frame_count();
@@ -182,20 +191,20 @@ Json vdb_facts(const std::string& file) {
 }  // namespace
 
 nlohmann::ordered_json file_facts(const std::string& file) {
-  if (!std::filesystem::exists(file)) throw InputError("'" + file + "' is not there. Correct the name");
-  if (std::filesystem::exists(file + "/dataset.json")) return data_set_facts(file);
-  if (std::filesystem::is_directory(file))
-    throw ConfigError("'" + file +
-                      "' is a folder without a data set (dataset.json) and without a training run (metrics.csv). Name "
-                      "a file in it");
+  check_readable(file);
+  if (is_there(file + "/dataset.json")) return data_set_facts(file);
+  if (is_folder(file))
+    throw InputError("'" + file +
+                     "' is a folder without a data set (dataset.json) and without a training run (metrics.csv). Name "
+                     "a file in it");
   if (io::is_state_file(file)) return state_facts(file);
   if (file.ends_with(".json")) return document_facts(file);
   if (file.ends_with(".h5")) return trajectory_facts(file);
   if (file.ends_with(".safetensors")) return weights_facts(file);
   if (file.ends_with(".vdb")) return vdb_facts(file);
-  throw ConfigError("'" + file +
-                    "' is no saved state and has no known ending (allowed: .json scene or recipe, .h5 "
-                    "trajectory, .safetensors weights, .vdb grids). Name one of these");
+  throw InputError("'" + file +
+                   "' is no saved state and has no known ending (allowed: .json scene or recipe, .h5 "
+                   "trajectory, .safetensors weights, .vdb grids). Name one of these");
 }
 
 }  // namespace graupel::experiments

@@ -9,6 +9,7 @@
 #include "core/system/stop_signal.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/inspection/training_curves.h"
+#include "experiments/process/process.h"
 #include "io/trajectory/input_files.h"
 #include "io/trajectory/recovered_file.h"
 
@@ -76,6 +77,7 @@ Json inspect_runs(const InspectOptions& options) {
   if (options.plots.empty()) return result;
   const std::vector<std::string> plots = write_training_plots(curves, options.plots);
   result["plots"] = plots;
+  if (plots.empty()) warn("no plot is written to '" + options.plots + "': the runs have measured nothing so far");
   for (const std::string& file : plots) std::printf("%s\n", file.c_str());
   return result;
 }

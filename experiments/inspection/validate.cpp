@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/printable.h"
 #include "core/system/stop_signal.h"
 #include "experiments/comparison/floor_file.h"
 #include "experiments/data/stored_frames.h"
 #include "experiments/inspection/file_facts.h"
+#include "experiments/process/input_file.h"
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
@@ -23,6 +26,8 @@
 namespace graupel::experiments {
 
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 /// Keys that are read together; of what the other readers find, the first.
 std::vector<std::string> mistakes_in_json(const std::string& file) {
@@ -47,16 +52,64 @@ void check_frames(const std::string& file) {
   }
 }
 
+/// How many trajectories a split has by dataset.json; nothing where that does not tell.
+std::optional<int64_t> count_by_card(const Json& card, const std::string& split) {
+  const auto at = [&card](const std::string& place) {
+    const Json::json_pointer pointer(place);
+    return card.contains(pointer) ? card.at(pointer) : Json();
+  };
+  if (const Json count = at("/recipe/counts/" + split); count.is_number_integer()) return count.get<int64_t>();
+  const Json runs = at("/recipe/parameters/0/values"), test = at("/recipe/test"), valid = at("/recipe/valid");
+  if (!runs.is_array() || runs.empty() || !test.is_array() || !valid.is_array()) return std::nullopt;
+  const auto size = [](const Json& list) { return static_cast<int64_t>(list.size()); };
+  return split == "train" ? size(runs) - size(test) - size(valid) : size(split == "test" ? test : valid);
+}
+
+/// Every frame of every split, and whether all are there.
+std::vector<std::string> mistakes_in_data_set(const std::string& folder) {
+  const std::string card_file = folder + "/dataset.json";
+  const Json card = Json::parse(read_file(card_file), nullptr, /*allow_exceptions=*/false);
+  if (!card.is_object()) throw InputError("'" + card_file + "' is damaged (no JSON object). Make the data set again");
+  std::vector<std::string> mistakes;
+  bool any = false;
+  for (const char* split : {"train", "valid", "test"}) {
+    const std::string file = fmt::format("{}/{}.h5", folder, split);
+    const std::optional<int64_t> count = count_by_card(card, split);
+    any = any || is_there(file) || count.value_or(0) > 0;
+    if (!is_there(file)) {
+      if (count.value_or(0) > 0)
+        mistakes.push_back(
+            fmt::format("'{}' is not there, and dataset.json counts {} trajectories in it. Run the same generate "
+                        "again, which makes "
+                        "what is missing",
+                        file, *count));
+      continue;
+    }
+    const std::vector<std::string> of_split = mistakes_in(file);
+    mistakes.insert(mistakes.end(), of_split.begin(), of_split.end());
+    if (!of_split.empty() || !count) continue;
+    if (const int there = io::TrajectoryReader(file).count(); there != *count)
+      mistakes.push_back(fmt::format("'{}' holds {} trajectories (dataset.json counts {}). Make the data set again",
+                                     file, there, *count));
+  }
+  if (!any)
+    throw InputError("'" + folder + "' has no split that is read here (train.h5, valid.h5, test.h5). Name another");
+  return mistakes;
+}
+
 }  // namespace
 
 std::vector<std::string> mistakes_in(const std::string& file) {
   const bool state = io::is_state_file(file);
   try {
+    if (is_there(file + "/dataset.json")) return mistakes_in_data_set(file);
     if (!state && file.ends_with(".json")) return mistakes_in_json(file);
     file_facts(file);
     if (!state && file.ends_with(".h5")) check_frames(file);
   } catch (const Error& error) {
-    return {error.what()};
+    const std::string mistake = error.what();
+    const bool named = mistake.starts_with(file) || mistake.find("'" + file) != std::string::npos;
+    return {named ? mistake : "'" + file + "': " + mistake};
   }
   return {};
 }
@@ -74,7 +127,7 @@ void validate(ValidateOptions& options) {
     result["files"].push_back({{"file", file}, {"errors", mistakes}});
     count += mistakes.size();
     for (const std::string& mistake : mistakes) std::printf("%s\n", printable(mistake).c_str());
-    if (mistakes.empty()) std::printf("%s: ok\n", file.c_str());
+    if (mistakes.empty()) std::printf("%s: ok\n", printable(file).c_str());
   }
   options.common.write_json(result);
   if (count > 0)

@@ -8,9 +8,9 @@
 
 namespace graupel::experiments {
 
-/// The texts of all that is wrong with a scene, recipe, sweep, trajectory, saved state, weights or .vdb file; empty
-/// where nothing is. A scene's or recipe's keys are all read, a file of another kind up to its first error. Throws
-/// ConfigError for an unknown ending.
+/// The texts of all that is wrong with a scene, recipe, sweep, trajectory, data set, saved state, weights or .vdb file,
+/// each with the file's name; empty where nothing is. A scene's or recipe's keys are all read, and so is every split of
+/// a data set; a file of another kind up to its first error.
 std::vector<std::string> mistakes_in(const std::string& file);
 
 struct ValidateOptions {

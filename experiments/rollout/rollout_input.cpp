@@ -10,6 +10,7 @@
 #include "core/system/error.h"
 #include "experiments/data/stored_frames.h"
 #include "experiments/models/start_state.h"
+#include "experiments/process/input_file.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/scene/particle_materials.h"
 
@@ -34,6 +35,7 @@ Scene stored_scene(const Trajectory& header, const RolloutOptions& options) {
 
 SceneAndSeed scene_and_seed(const RolloutOptions& options) {
   if (is_trajectory(options.input)) {
+    check_readable(options.input);
     const io::TrajectoryReader reader(options.input);
     const Trajectory header = chosen_header(reader, options);
     return {stored_scene(header, options), header.seed};
@@ -89,6 +91,7 @@ bool is_timed(const Scene& scene) {
 
 /// "scene": frame 0 with a ballistic past; "truth:N": the first N frames of the trajectory.
 RolloutStart start_from_trajectory(const RolloutOptions& options, int history, bool materials) {
+  check_readable(options.input);
   const io::TrajectoryReader reader(options.input);
   const Trajectory header = chosen_header(reader, options);
   const int index = static_cast<int>(options.trajectory);

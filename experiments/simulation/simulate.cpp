@@ -1,12 +1,12 @@
 #include "experiments/simulation/simulate.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <vector>
 
 #include "core/system/error.h"
 #include "core/system/output_files.h"
+#include "experiments/process/file_name.h"
 #include "experiments/simulation/recorded_run.h"
 #include "experiments/simulation/run_estimate.h"
 #include "experiments/simulation/saved_run.h"
@@ -36,9 +36,7 @@ mpm::SimulationOptions simulation_options(const SimulateOptions& options, const 
 }
 
 std::string default_output(const Scene& scene) {
-  std::string name = scene.name.empty() ? "trajectory" : scene.name;
-  std::replace(name.begin(), name.end(), '/', '_');  // here, whatever a scene says
-  return name + ".h5";
+  return file_name_of(scene.name.empty() ? "trajectory" : scene.name) + ".h5";
 }
 
 /// Takes from the state what the user left open. Throws InputError where the two differ.
@@ -100,6 +98,10 @@ void check_flags(const SimulateOptions& options) {
 
 void simulate(SimulateOptions& options) {
   if (options.print_defaults) {
+    if (!options.scene.empty() || !options.set.empty())
+      throw ConfigError("--print-defaults prints the keys of every scene with their defaults, and takes none ('" +
+                        (options.scene.empty() ? "--set " + options.set.front() : options.scene) +
+                        "'). Leave out the scene and --set");
     std::fputs(io::scene_defaults().c_str(), stdout);
     return;
   }

@@ -35,16 +35,16 @@ FloatGrid::Ptr empty_level_set(double voxel, double band) {
   return grid;
 }
 
-/// Origins of the 8^3 blocks that meet the box, in index space.
+/// Origins of the 8^3 blocks that meet the box, in index space; `name` is whose grid it is.
 template <typename Visitor>
-void for_each_block(const LocalBox& box, double voxel, Visitor&& visit) {
+void for_each_block(const std::string& name, const LocalBox& box, double voxel, Visitor&& visit) {
   Vec3i first, last;
   int64_t count = 1;
   for (int d = 0; d < 3; ++d) {
     const double low = std::floor(box.low[d] / voxel / block), high = std::floor(box.high[d] / voxel / block);
     count = high - low < 1e6 ? count * (static_cast<int64_t>(high - low) + 1) : max_blocks + 1;
     if (count > max_blocks)
-      throw ConfigError("an obstacle needs too many blocks of its grid (voxel " + std::to_string(voxel) +
+      throw ConfigError(name + " needs too many blocks of its grid (voxel " + std::to_string(voxel) +
                         " m, at most 2^24 blocks of 8^3 voxels). Choose a larger obstacle_voxel or a smaller obstacle");
     first[d] = static_cast<int>(low), last[d] = static_cast<int>(high);
   }
@@ -74,13 +74,14 @@ double reach_of(double voxel, double band) { return band + voxel * block * 0.5 *
 
 /// Level set of an exact distance: a block whose centre is farther from the surface than the band and half its own
 /// diagonal holds one value.
-FloatGrid::Ptr sampled_level_set(const DistanceFunction& distance, LocalBox box, double voxel, double band) {
+FloatGrid::Ptr sampled_level_set(const std::string& name, const DistanceFunction& distance, LocalBox box, double voxel,
+                                 double band) {
   auto grid = empty_level_set(voxel, band);
   const double reach = reach_of(voxel, band);
   box.low -= Vec3d::filled(band + voxel);
   box.high += Vec3d::filled(band + voxel);
   std::vector<Leaf*> leaves;
-  for_each_block(box, voxel, [&](const Coord& origin) {
+  for_each_block(name, box, voxel, [&](const Coord& origin) {
     const double half = (block - 1) / 2.0;
     const double centre = distance(Vec3d{origin.x() + half, origin.y() + half, origin.z() + half} * voxel);
     if (centre < -reach)
@@ -150,10 +151,11 @@ void write_grids(const std::string& path, const openvdb::GridPtrVec& grids) {
 
 FloatGrid::Ptr union_level_set(const UnionRequest& request) {
   auto grid = empty_level_set(request.voxel, request.band);
-  grid->setName("obstacles");
+  const std::string name = "obstacles";
+  grid->setName(name);
   std::vector<Leaf*> leaves;
   for (const LocalBox& box : request.boxes)
-    for_each_block(box, request.voxel, [&](const Coord& origin) {
+    for_each_block(name, box, request.voxel, [&](const Coord& origin) {
       if (!grid->tree().probeLeaf(origin)) leaves.push_back(grid->tree().touchLeaf(origin));
     });
   // Beyond the bands of bodies a block has one value, but at the border of the insides.
@@ -167,7 +169,7 @@ FloatGrid::Ptr union_level_set(const UnionRequest& request) {
     else
       leaves.push_back(grid->tree().touchLeaf(origin));
   };
-  for (const LocalBox& box : request.insides) for_each_block(box, request.voxel, add_inside);
+  for (const LocalBox& box : request.insides) for_each_block(name, box, request.voxel, add_inside);
   DistanceFunction distance = request.distance;
   if (request.border)
     distance = [&](const Vec3d& x) { return std::max(request.distance(x), box_distance(*request.border, x)); };
@@ -200,7 +202,8 @@ LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const st
   } else {
     const LocalBox box =
         obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
-    grid = sampled_level_set([&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
+    grid = sampled_level_set(
+        name, [&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
   }
   return finished(grid, name, voxel, band);
 }
@@ -221,7 +224,7 @@ LevelSetGrid build_plane_body(const Scene& scene, const Obstacle& plane, const s
   const DistanceFunction distance = [&](const Vec3d& x) { return std::max(x[1], box_distance(body, x)); };
   tbb::task_arena arena(num_threads());
   LevelSetGrid grid =
-      arena.execute([&] { return finished(sampled_level_set(distance, body, voxel, band), name, voxel, band); });
+      arena.execute([&] { return finished(sampled_level_set(name, distance, body, voxel, band), name, voxel, band); });
   grid.near = plane_bounds(plane, scene.domain);
   grid.near.low -= Vec3d::filled(margin);
   grid.near.high += Vec3d::filled(margin);

@@ -100,6 +100,22 @@ TEST_F(ExportVerb, FormatsThatDoNotFitAreRefused) {
   outcome = exported("--format obj");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_TRUE(outcome.says("add --surface")) << outcome.output;
+  outcome = exported("--format ply --radius 0.1");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(outcome.says("--radius is for surfaces")) << outcome.output;
+}
+
+TEST_F(ExportVerb, NamesOfFiles) {
+  const std::string odd = folder_.file("my stéps.h5");
+  std::filesystem::copy(run_, odd);
+  const Outcome made = graupel("export '" + odd + "' -f ply --frames 1 -o " + folder_.file("odd"));
+  EXPECT_EQ(made.exit_code, 0) << made.output;
+  EXPECT_EQ(names_in(folder_.file("odd")), (Names{"my_st__ps_0001.ply"}));
+  for (const char* name : {"..", ".hidden", "'a b'"}) {
+    const Outcome outcome = exported(std::string("-f ply --name ") + name);
+    EXPECT_EQ(outcome.exit_code, 2) << name;
+    EXPECT_TRUE(outcome.says("--name '")) << outcome.output;
+  }
 }
 
 TEST_F(ExportVerb, PicturesAreDrawn) {

@@ -40,6 +40,12 @@ TEST(SimulateForces, AreInTheFileAsCsvAndInTheReport) {
   EXPECT_EQ(graupel("export " + run + " -f csv -o " + csv).exit_code, 0);
   const std::string text = read_file(csv, 1 << 20);
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1 + 13 * 7);
+  EXPECT_NE(text.find("\n9,0.15,obstacle_0,"), std::string::npos) << text.substr(0, 2000);
+  ASSERT_EQ(graupel("export " + run + " -f csv --frames 3:9:6 -o " + csv).exit_code, 0);
+  const std::string some = read_file(csv);
+  EXPECT_EQ(std::count(some.begin(), some.end(), '\n'), 1 + 2 * 7);
+  EXPECT_NE(some.find(text.substr(text.find("\n9,"), text.find("\n10,") - text.find("\n9,"))), std::string::npos);
+  EXPECT_EQ(graupel("export " + run + " -f csv --frames garbage -o " + csv).exit_code, 2);
   const std::string report = folder.file("report.html");
   ASSERT_EQ(graupel("compare --scenes " + run + " --models mpm --no-floors --device cpu --report " + report).exit_code,
             0);

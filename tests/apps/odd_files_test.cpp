@@ -3,11 +3,14 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <functional>
 #include <limits>
 
+#include "core/system/error.h"
+#include "experiments/process/input_file.h"
 #include "io/trajectory/trajectory_file.h"
 #include "tests/apps/child.h"
 
@@ -88,6 +91,30 @@ TEST_F(OddFiles, NumbersThatAreNoneAreFound) {
   EXPECT_TRUE(outcome.says("frame 1, particle 0: stress[0] = nan")) << outcome.output;
 }
 
+/// What dataset.json counts is there, and every frame of every split is read.
+TEST_F(OddFiles, ADataSetIsAsWholeAsItsSplits) {
+  std::filesystem::create_directory(folder_.file("set"));
+  const auto validate = [&](const std::string& counts, int exit_code, const std::string& says) {
+    folder_.write("set/dataset.json", counts);
+    const Outcome outcome = graupel("validate " + folder_.file("set"));
+    EXPECT_EQ(outcome.exit_code, exit_code) << counts << outcome.output;
+    EXPECT_TRUE(outcome.says(says)) << says << "\n" << outcome.output;
+  };
+  const std::string counts = R"({"recipe": {"counts": {"train": 1, "valid": 0, "test": 1}}})";
+  write_run("set/train.h5", {0, 1});
+  validate(counts, 3, "set/test.h5' is not there, and dataset.json counts 1 trajectories");
+  const std::string test = write_run("set/test.h5", {0, 1});
+  validate(counts, 0, "set: ok");
+  validate(R"({"recipe": {"parameters": [{"values": [1, 2, 3]}], "test": [0], "valid": []}})", 3,
+           "set/train.h5' holds 1 trajectories (dataset.json counts 2)");
+  validate(R"({"recipe": 3})", 0, "set: ok");
+  validate("{", 3, "dataset.json' is damaged");
+  write_run("set/test.h5", {0, 1}, [](std::size_t, ParticleFrame& frame) { frame.position[0][0] = nan; });
+  validate(counts, 3, "set/test.h5': trajectory 0: frame 0, particle 0");
+  for (const char* split : {"set/train.h5", "set/test.h5"}) std::filesystem::remove(folder_.file(split));
+  validate("{}", 3, "has no split");
+}
+
 TEST_F(OddFiles, PlacesFarAwayAreNotExported) {
   const std::string far = write_run("x.h5", {0, 0.1}, [](std::size_t k, ParticleFrame& frame) {
     if (k == 1) frame.position[0][2] = -1e30f;
@@ -130,6 +157,36 @@ TEST_F(OddFiles, WhatIsNoFile) {
       EXPECT_TRUE(outcome.says("link.json")) << outcome.output;
       EXPECT_FALSE(outcome.says("basic_filebuf")) << outcome.output;
     }
+}
+
+TEST_F(OddFiles, NamesThatLeadNowhere) {
+  const std::string loop = folder_.file("loop.json");
+  std::filesystem::create_symlink(loop, loop);
+  const std::pair<std::string, std::string> cases[] = {{loop, "(Too many levels of symbolic links)"},
+                                                       {std::string(5000, 'a') + ".json", "(File name too long)"}};
+  for (const auto& [name, says] : cases)
+    for (const std::string verb : {"inspect ", "validate ", "compare --models mpm --scenes "}) {
+      const Outcome outcome = graupel(verb + name);
+      EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+      EXPECT_TRUE(outcome.says(says)) << outcome.output;
+    }
+}
+
+/// It is not taken for damaged.
+TEST_F(OddFiles, AFileThatMayNotBeRead) {
+  const std::string run = write_run("a.h5", {0, 1});
+  std::filesystem::permissions(folder_.file("."), std::filesystem::perms(0755));
+  std::filesystem::permissions(run, std::filesystem::perms::none);
+  const bool all_may = ::geteuid() == 0;
+  ASSERT_EQ(::seteuid(all_may ? 65534 : ::geteuid()), 0);
+  std::string said;
+  try {
+    experiments::check_readable(run);
+  } catch (const InputError& error) {
+    said = error.what();
+  }
+  ASSERT_EQ(::seteuid(all_may ? 0 : ::geteuid()), 0);
+  EXPECT_NE(said.find("(Permission denied). Have its owner allow"), std::string::npos) << said;
 }
 
 TEST_F(OddFiles, APortInUse) {

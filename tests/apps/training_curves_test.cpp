@@ -53,6 +53,13 @@ TEST_F(TrainingCurves, ValidationsAreReadWithTheBetterBaseline) {
   EXPECT_DOUBLE_EQ(json["validations"][1]["minutes"].get<double>(), 0.4);
 }
 
+TEST_F(TrainingCurves, APlotOfNothingIsNotSilent) {
+  const test::Outcome outcome =
+      test::graupel("inspect " + run("50,6,1.5,,,,\n") + " --plots " + (folder_ / "plots").string());
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_TRUE(outcome.says("warning: no plot is written")) << outcome.output;
+}
+
 TEST_F(TrainingCurves, AValueThatWasCutShortIsNoMeasurement) {
   const std::string whole = "100,12,1.2,2e-6,8e-6,4e-6,\n";
   for (const char* cut : {"200,24,1,1e-6,2e-6,4e-6,0.2", "200,24,1,1e-6,2e-6,4e-6,2.5e-", "2"})

@@ -36,6 +36,12 @@ TEST(Usage, PathsWithALeadingDashFollowTwoDashes) {
   EXPECT_FALSE(flag.says("Did you mean '--dry-run'")) << flag.output;
 }
 
+TEST(Usage, AnUnknownCommandIsNamed) {
+  const Outcome unknown = graupel("frobnicate");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_TRUE(unknown.says("'frobnicate' is not a command (allowed: demo, compare, ")) << unknown.output;
+}
+
 TEST(Usage, HelpTellsTheExitCodes) {
   const Outcome help = graupel("--help");
   for (const char* words : {"2 wrong flags, or values in scenes", "3 input files that are missing",
@@ -56,12 +62,24 @@ TEST(Usage, InspectTellsWhatIsNotThereAndWhatAFolderHolds) {
     EXPECT_TRUE(missing.says("is not there")) << missing.output;
   }
   const Outcome empty = graupel("inspect " + folder.file("."));
-  EXPECT_EQ(empty.exit_code, 2) << empty.output;
+  EXPECT_EQ(empty.exit_code, 3) << empty.output;
+  EXPECT_EQ(graupel("inspect " + folder.write("note.txt", "x")).exit_code, 3);
+  const Outcome floors = graupel("inspect scenes/floors/demo.json");
+  EXPECT_EQ(floors.exit_code, 0) << floors.output;
+  EXPECT_TRUE(floors.says("kind: chaos floors")) << floors.output;
   EXPECT_TRUE(empty.says("dataset.json")) << empty.output;
   for (const char* recipe : {"hgn", "general"}) {
     const Outcome outcome = graupel(std::string("inspect scenes/recipes/") + recipe + ".json");
     EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
     EXPECT_TRUE(outcome.says("kind: recipe") && outcome.says("train: ")) << outcome.output;
+  }
+}
+
+TEST(Usage, DefaultsAreThoseOfNoScene) {
+  for (const char* words : {"scenes/shared/water_steps.json", "--set domain.dx=0.02"}) {
+    const Outcome outcome = graupel(std::string("simulate --print-defaults ") + words);
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.output;
+    EXPECT_TRUE(outcome.says(words) && outcome.says("Leave out")) << outcome.output;
   }
 }
 
@@ -101,6 +119,10 @@ TEST(Usage, InspectAndADryRunRefuseWhatSimulateRefuses) {
   EXPECT_EQ(inspect.exit_code, 2) << inspect.output;
   EXPECT_TRUE(inspect.says("outside the walls")) << inspect.output;
   EXPECT_TRUE(validate.says("outside the walls")) << validate.output;
+  const Outcome fine = graupel("inspect " + folder.write("fine.json", small_scene(R"("obstacle_voxel": 1e-4,
+    "obstacles": [ { "shape": "box", "size": [0.4, 0.1, 0.4], "position": [0.5, 0.1, 0.5] } ])")));
+  EXPECT_EQ(fine.exit_code, 2) << fine.output;
+  EXPECT_TRUE(fine.says("obstacle_0_box needs too many blocks")) << fine.output;
   const Outcome gravity =
       graupel("inspect " + folder.write("heavy.json", small_scene("  \"gravity\": [0, -1e308, 0]")));
   EXPECT_EQ(gravity.exit_code, 2) << gravity.output;

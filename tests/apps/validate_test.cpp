@@ -90,6 +90,16 @@ TEST_F(Validate, RecipesAndDamagedFiles) {
   EXPECT_EQ(unknown[2]["errors"].size(), 1u);
 }
 
+TEST_F(Validate, EveryMistakeNamesItsFile) {
+  const std::string inside = folder_.write("inside.json", small_scene(R"("obstacles": [ { "shape": "sphere",
+    "radius": 0.2, "position": [0.5, 0.5, 0.5] } ])"));
+  const Json errors = report("scenes/shared/water_steps.json " + inside, 3)["files"][1]["errors"];
+  EXPECT_EQ(count_with(errors, "inside.json': "), 1u) << errors.dump(1);
+  const std::string colored = folder_.write("a\033[31m.json", small_scene());
+  const Outcome ok = graupel("validate '" + colored + "'");
+  EXPECT_TRUE(ok.says("a?[31m.json: ok")) << ok.output;
+}
+
 TEST(Doctor, TellsTheMachineAndWhatMakesItSlow) {
   const Folder folder;
   const Outcome usual = graupel("doctor");

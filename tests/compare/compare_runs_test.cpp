@@ -136,10 +136,44 @@ TEST_F(CompareRuns, RefusesTwoScenesOfOneName) {
                                                ::testing::HasSubstr("small.json"), ::testing::HasSubstr("twin.json"))));
 }
 
+TEST_F(CompareRuns, PicturesStayInTheirFolder) {
+  for (const char* name : {"../escaped", "a/b"}) {
+    std::ofstream(scene_) << scene_with(name, "");
+    CompareOptions o = options({"mpm"});
+    o.frames = 1;
+    o.floors = false;
+    o.pictures = folder_ + "/pictures";
+    run_compare(o);
+  }
+  EXPECT_EQ(names_in(folder_ + "/pictures"), (std::vector<std::string>{".._escaped-mpm.png", "a_b-mpm.png"}));
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/escaped-mpm.png"));
+  CompareOptions twins = options({"mpm"});
+  twins.scenes.push_back(folder_ + "/twin.json");
+  std::ofstream(twins.scenes[1]) << scene_with("a_b", "");
+  twins.pictures = folder_ + "/pictures";
+  EXPECT_THAT([&] { run_compare(twins); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("'a_b'")));
+}
+
+TEST_F(CompareRuns, RefusesFlagsOfWhatIsNotMade) {
+  const auto expect_refused = [&](CompareOptions o, const char* flag) {
+    o.models = {"missing.safetensors"};  // would be an InputError once the work begins
+    EXPECT_THAT([&] { run_compare(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr(flag)));
+  };
+  CompareOptions o = options({});
+  o.forces = true;
+  expect_refused(o, "Add --report");
+  o.report = folder_ + "/report.html";
+  o.one_step_only = true;
+  expect_refused(o, "--forces records rollouts");
+  o.forces = false;
+  o.pictures = folder_ + "/pictures";
+  expect_refused(o, "--pictures");
+}
+
 TEST_F(CompareRuns, RefusesCudaWhereItCannotBe) {
   CompareOptions o = options({"mpm", ballistic_network()});
   o.device = "cuda";  // without a GPU; with one, since the network is not wide enough
-  EXPECT_THAT([&] { make_comparison(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("--device cpu")));
+  EXPECT_THAT([&] { make_comparison(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("device 'cpu'")));
 }
 
 TEST_F(CompareRuns, FindsUnwritableOutputsBeforeTheWork) {
