@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/scene/contact_force.h"
 #include "core/scene/trajectory.h"
 #include "io/surface/particle_surface.h"
 
@@ -75,14 +74,5 @@ class SurfaceWriter {
 /// obj, ply, vtp, vdb (level set and velocities), usda.
 const std::vector<std::string>& surface_formats();
 std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& format, const ExportTarget& target);
-
-/// The forces of a trajectory.
-struct ForceTable {
-  std::vector<double> times;                      ///< [frames] [s]
-  std::vector<std::string> names;                 ///< of the obstacles and walls
-  std::vector<std::vector<ContactForce>> forces;  ///< [frames, names]
-};
-/// CSV: a line a frame and obstacle or wall, with units in the names of the columns.
-void export_forces(const ForceTable& table, const std::string& file);
 
 }  // namespace graupel::io

@@ -1,13 +1,11 @@
 // Forces on obstacles and walls in trajectory files: stored exactly, recovered, continued, exported.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <filesystem>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "expect_error.h"
-#include "io/export/export.h"
 #include "io/hdf5/hdf5.h"
 #include "io/trajectory/trajectory_file.h"
 #include "sample_trajectory.h"
@@ -162,18 +160,6 @@ TEST(StoredForces, MoreObstaclesThanAFileCanNameAreRefused) {
   options.contacts.push_back("one more");
   expect_error<ConfigError>([&] { TrajectoryWriter(folder.file("b.h5"), sample_header(particles), options); },
                             {"2049", "2048"});
-}
-
-TEST(StoredForces, CsvHasALineAFrameAndSurfaceWithUnits) {
-  const TemporaryFolder folder;
-  export_forces({{0, 0.1}, {"obstacle_0", "wall_x_low", "wall_x_high"}, {forces_at(0), forces_at(1)}},
-                folder.file("f.csv"));
-  const std::string text = read_file(folder.file("f.csv"), 1 << 20);
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 7);
-  EXPECT_EQ(text.substr(0, text.find('\n')),
-            "frame,time_s,name,impulse_x_N_s,impulse_y_N_s,impulse_z_N_s,force_x_N,force_y_N,force_z_N,torque_x_N_m,"
-            "torque_y_N_m,torque_z_N_m,reference_x_m,reference_y_m,reference_z_m");
-  EXPECT_NE(text.find("\n1,0.1,obstacle_0,0.1,-0.1,0.05,1,2,3,"), std::string::npos) << text;
 }
 
 }  // namespace
