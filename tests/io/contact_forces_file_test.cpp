@@ -1,4 +1,4 @@
-// Forces on obstacles and walls in trajectory files: stored exactly, recovered, continued, exported.
+// Forces on obstacles and walls in trajectory files: stored exactly, recovered, continued.
 #include <gtest/gtest.h>
 
 #include <filesystem>
