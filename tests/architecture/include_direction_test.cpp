@@ -30,7 +30,7 @@ const Graph allowed = {
     {"hybrid", {"core", "nn", "sparsegrid", "mpm"}},
     {"train", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "rom", "hybrid"}},
     {"experiments", {"core", "io", "nn", "sparsegrid", "mpm", "graph", "compare", "rom", "hybrid"}},
-    {"library", {"core", "io", "mpm", "graph", "rom", "experiments"}},
+    {"library", {"core", "io", "nn", "mpm", "graph", "rom", "experiments"}},
     {"apps", {"core", "io", "nn", "mpm", "experiments"}},
     {"bench",
      {"core", "io", "nn", "sparsegrid", "mpm", "validation", "graph", "compare", "rom", "hybrid", "experiments"}},

@@ -48,6 +48,7 @@ inline std::string affine_sweep(const std::string& name, const std::string& tran
       const ParticleFrame start = mpm::frame_with_fields(*simulation, {ParticleField::deformation_gradient});
       for (int f = 0; f <= motion_frames; ++f) {
         ParticleFrame frame = start;
+        frame.time = f * scene.frame_time;
         const Mat3d map = map_at(size, f);
         std::vector<float>& gradient = frame.fields[ParticleField::deformation_gradient];
         for (std::size_t p = 0; p < frame.position.size(); ++p) {
