@@ -48,9 +48,7 @@ class PySimulation {
   void advance_frame() {
     const InUse in_use(busy_);
     const WithoutGil others_run;
-    in_frame_ = true;
     advance();
-    in_frame_ = false;
   }
   void run(std::optional<int64_t> frames, const nb::object& progress) {
     const int64_t count = frames.value_or(run_->scene().frames);
@@ -157,7 +155,9 @@ class PySimulation {
 
  private:
   void advance() {
+    in_frame_ = true;
     while (!run_->advance_substep()) poll_();
+    in_frame_ = false;
     poll_();
   }
 

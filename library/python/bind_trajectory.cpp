@@ -203,9 +203,9 @@ nb::ndarray<nb::numpy, const int32_t> materials_of(const PyTrajectory& trajector
   const std::string where = trajectory.file.empty() ? "the trajectory" : "'" + trajectory.file + "'";
   std::vector<int32_t> materials(trajectory.header.particle_type.size(), -1);
   if (!trajectory.header.scene_json.empty() && trajectory.size() > 0) {
+    const auto first = trajectory.frames->frames(0, 1, {}).front();
     try {
       const Scene scene = io::parse_stored_scene(trajectory.header.scene_json, where, trajectory.file);
-      const auto first = trajectory.frames->frames(0, 1, {}).front();
       materials = mpm::particle_materials(scene, trajectory.header, first->position, where);
     } catch (const Error&) {  // no scene of these particles, as where they came from arrays
     }

@@ -77,7 +77,7 @@ void bind_gpu_array(nb::module_& module) {
           nb::sig("def dtype(self) -> numpy.dtype"), "float32.")
       .def("numpy", &GpuArray::numpy, nb::rv_policy::automatic, "A copy on the host, made once; read-only.")
       .def("__len__", [](const GpuArray& a) { return a.shape().front(); })
-      .def("__getitem__", &indexed, "index"_a, nb::sig("def __getitem__(self, index: object) -> numpy.ndarray"))
+      .def("__getitem__", &indexed, "index"_a, nb::sig("def __getitem__(self, index: object) -> NDArray"))
       .def(
           "__array__",
           [](GpuArray& a, const nb::object& dtype, const nb::object& copy) {
@@ -87,7 +87,7 @@ void bind_gpu_array(nb::module_& module) {
             return numpy.attr("array")(nb::cast(a.numpy()), dtype);
           },
           "dtype"_a = nb::none(), "copy"_a = nb::none(),
-          nb::sig("def __array__(self, dtype: object = None, copy: bool | None = None) -> numpy.ndarray"))
+          nb::sig("def __array__(self, dtype: object = None, copy: bool | None = None) -> NDArray"))
       .def(
           "__dlpack__",
           [](const GpuArray& a, const nb::kwargs& words) { return a.exported().attr("__dlpack__")(**words); },

@@ -123,11 +123,12 @@ class InterruptTest(unittest.TestCase):
         self.addCleanup(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
         signal.signal(signal.SIGINT, signal.default_int_handler)
         keys = block(frames=1).to_dict()
-        keys["time_step"]["substeps_per_frame"] = 2000
+        keys["time_step"]["substeps_per_frame"] = 4000
         scenes = [graupel.Scene.from_dict(keys), block("sand")]
         batch, whole = graupel.Batch(scenes), graupel.Batch(scenes)
+        begin = time.perf_counter()
         whole.run(2)
-        timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+        timer = threading.Timer((time.perf_counter() - begin) / 4, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
         with self.assertRaises(KeyboardInterrupt):
             batch.run(2)

@@ -1,4 +1,6 @@
 """The package itself: stubs, docstrings, the program, processors that it needs."""
+import ast
+import builtins
 import inspect
 import os
 import re
@@ -18,7 +20,17 @@ class PackageTest(unittest.TestCase):
         self.assertTrue(os.path.exists(os.path.join(FOLDER, "py.typed")))
         with open(os.path.join(FOLDER, "_graupel.pyi"), encoding="utf-8") as file:
             stub = file.read()
-        compile(stub, "_graupel.pyi", "exec")
+        tree = ast.walk(ast.parse(stub, "_graupel.pyi"))
+        used, known = set(), set(dir(builtins))
+        for node in tree:
+            if isinstance(node, (ast.Import, ast.ImportFrom)):
+                known |= {alias.asname or alias.name for alias in node.names}
+            elif isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+                known.add(node.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+                used.add(node.id)
+        self.assertEqual(used - known, set())
+        self.assertIn("__version__: str", stub)
         for name in ("Batch", "GpuArray", "Scene", "Simulation", "Trajectory", "NetworkModel", "ReducedModel"):
             self.assertIn(f"class {name}:", stub)
             for member in vars(getattr(_graupel, name)):
