@@ -213,8 +213,8 @@ class ThreadsTest(unittest.TestCase):
         self.assertLess(time.perf_counter() - begin, 5)
 
     def test_a_thread_in_a_call_does_not_spoil_the_end_of_the_interpreter(self):
-        code = ("import threading, time, graupel; from scenes import large; run = graupel.Simulation(large()); "
-                "threading.Thread(target=run.run, daemon=True).start(); time.sleep(0.3)")
+        code = ("import threading, time, graupel; from scenes import block; run = graupel.Simulation(block()); "
+                "threading.Thread(target=run.run, args=(10**6,), daemon=True).start(); time.sleep(0.5)")
         here = os.path.dirname(os.path.abspath(__file__))
         for _ in range(3):
             done = subprocess.run([sys.executable, "-c", code], cwd=here, capture_output=True, text=True, check=False,
