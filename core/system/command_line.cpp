@@ -34,8 +34,10 @@ std::string parse_error_text(const CLI::App& app, const CLI::ParseError& error) 
   std::vector<std::string> known;
   for (const CLI::App* word : verb->get_subcommands({})) known.push_back(word->get_name());
   const std::vector<std::string> left = app.remaining();
-  if (verb == &app && app.get_require_subcommand_min() > 0 && !left.empty() && !left.front().starts_with('-'))
-    text = "'" + left.front() + "' is not a command (allowed: " + CLI::detail::join(known, ", ") + ")";
+  if (verb == &app && app.get_require_subcommand_min() > 0 && !left.empty())
+    text = "'" + left.front() + "' is not a command" +
+           (left.front().starts_with('-') ? ", and flags come after one" : "") +
+           " (allowed: " + CLI::detail::join(known, ", ") + ")";
   for (const CLI::Option* option : verb->get_options())
     for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const std::string& word : verb->remaining(true)) {

@@ -189,12 +189,15 @@ void check_outputs(const CompareOptions& options) {
 void write_pictures(const compare::Comparison& comparison, const std::string& folder) {
   make_folder(folder);
   const std::vector<std::string> models = compare::models_of(comparison);
+  std::set<std::string> written;  // names of models may differ in what no file's name has
   for (const compare::SceneResult& scene : comparison.scenes)
     for (const compare::ModelResult& result : scene.models) {
       const auto sheet = compare::stack_rows({compare::decode_png(scene.picture), compare::decode_png(result.picture)});
       std::string model = std::filesystem::path(compare::short_name(result.model, models)).replace_extension();
       std::replace(model.begin(), model.end(), ':', '_');
-      write_file_atomically(folder + "/" + file_name_of(scene.name + "-" + model) + ".png", compare::encode_png(sheet));
+      std::string file = file_name_of(scene.name + "-" + model);
+      while (!written.insert(file).second) file += "_";
+      write_file_atomically(folder + "/" + file + ".png", compare::encode_png(sheet));
     }
 }
 

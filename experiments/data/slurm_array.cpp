@@ -21,11 +21,11 @@ fi
 )";
 
 constexpr const char* submission = R"(
-@NAME@=$(sbatch --parsable --requeue --job-name=graupel-@NAME@ @OPTIONS@ "$@" << 'END_OF_JOB'
+@NAME@=$(sbatch --parsable --requeue --job-name=graupel-@NAME@ @OPTIONS@ "$@" << '@END@'
 #!/usr/bin/env bash
 cd @FOLDER@ || exit 1
 exec @COMMAND@
-END_OF_JOB
+@END@
 )
 echo "@NAME@: job $@NAME@"
 )";
@@ -35,6 +35,13 @@ std::string filled(std::string text, const std::string& name, const std::string&
   for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += value.size())
     text.replace(at, mark.size(), value);
   return text;
+}
+
+/// What ends the here-document of a job: no part of the job itself, whose arguments may have lines.
+std::string end_of_job(const std::string& job) {
+  std::string end = "END_OF_JOB";
+  while (job.find(end) != std::string::npos) end += "_";
+  return end;
 }
 
 }  // namespace
@@ -51,6 +58,7 @@ std::string slurm_array_script(const std::string& program, const std::vector<std
   };
   const auto job = [&](const std::string& name, const std::string& options, const std::string& line) {
     std::string text = filled(filled(submission, "NAME", name), "OPTIONS", options);
+    text = filled(text, "END", end_of_job(shell_word(folder) + "\n" + line));
     return filled(filled(text, "FOLDER", shell_word(folder)), "COMMAND", line);
   };
   // The number of parts is written out: a task that is submitted alone later still makes its own part.

@@ -14,6 +14,7 @@
 #include "io/trajectory/state_file.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
+#include "nn/offline_cost.h"
 #include "nn/weights.h"
 #include "sparsegrid/cell_normals.h"
 #include "sparsegrid/obstacle_set.h"
@@ -173,6 +174,7 @@ Json state_facts(const std::string& file) {
 
 Json weights_facts(const std::string& file) {
   const nn::Weights weights = nn::read_safetensors(file);
+  nn::offline_cost_of(weights.metadata, file);  // refuses what compare refuses
   int64_t parameters = 0;
   Json tensors = Json::object();
   for (const auto& [name, tensor] : weights.tensors) {

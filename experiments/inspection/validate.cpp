@@ -12,6 +12,7 @@
 #include "core/system/printable.h"
 #include "core/system/stop_signal.h"
 #include "experiments/comparison/floor_file.h"
+#include "experiments/data/scene_source.h"
 #include "experiments/data/stored_frames.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/process/input_file.h"
@@ -32,7 +33,7 @@ using Json = nlohmann::ordered_json;
 /// Keys that are read together; of what the other readers find, the first.
 std::vector<std::string> mistakes_in_json(const std::string& file) {
   if (is_floor_file(file)) return FloorFile(file), std::vector<std::string>();
-  if (io::is_sweep(file)) return io::read_sweep(file), std::vector<std::string>();
+  if (io::is_sweep(file)) return open_recipe({file, {}, ""}), std::vector<std::string>();
   if (io::is_category_recipe(file)) return io::category_recipe_mistakes(file);
   if (io::is_recipe(file)) return io::recipe_mistakes(file);
   std::vector<std::string> mistakes = io::scene_mistakes(file);

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "core/scene/materials_by_type.h"
@@ -23,6 +25,14 @@ namespace {
 
 /// A frame that may take longer keeps its first state, so that a stop need not wait for its end [s].
 constexpr double long_frame = 0.4;
+
+/// When emitters may send out the first particle [s].
+double first_birth(const std::vector<Emitter>& emitters) {
+  double first = std::numeric_limits<double>::infinity();
+  for (const Emitter& emitter : emitters)
+    first = std::min(first, emitter.emission == Emission::stream ? emitter.start_time : emitter.times.front());
+  return first;
+}
 
 /// Keeps the state at which a run blew up beside its trajectory.
 void write_blowup(const std::string& output, const Trajectory& header, const mpm::Simulation& run,
@@ -159,6 +169,11 @@ void RecordedRun::report() const {
   if (s.loads_without_carriers > 0)
     warn(fmt::format("{} of {} loads began where there was no matter that can move, and did nothing",
                      s.loads_without_carriers, scene_.loads.size()));
+  if (s.born == 0 && !scene_.emitters.empty() && first_birth(scene_.emitters) > 0)
+    warn(fmt::format(
+        "the emitters sent out no particle: the first would have come at {:g} s, and the run ends at {:g} s",
+        first_birth(scene_.emitters), static_cast<double>(scene_.frames) * scene_.frame_time));
+  if (s.removed == 0 && !scene_.sinks.empty()) warn("no particle reached a sink");
   nlohmann::ordered_json result = {
       {"output", output()},
       {"particles", run_->particle_count()},

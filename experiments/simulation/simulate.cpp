@@ -1,6 +1,7 @@
 #include "experiments/simulation/simulate.h"
 
 #include <cstdio>
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -11,9 +12,12 @@
 #include "experiments/simulation/run_estimate.h"
 #include "experiments/simulation/saved_run.h"
 #include "io/scene/scene_reader.h"
+#include "io/trajectory/state_file.h"
 #include "io/trajectory/trajectory_file.h"
 
 namespace graupel::experiments {
+
+namespace fs = std::filesystem;
 
 io::TrajectoryWriteOptions SimulateOptions::write_options(const Scene& scene_to_run) const {
   io::TrajectoryWriteOptions write;
@@ -69,6 +73,12 @@ std::vector<NamedFile> inputs_of(const SimulateOptions& options, const Scene& sc
   return inputs;
 }
 
+/// Whether a file is there whose loss would be one.
+bool is_file_of_another_kind(const std::string& path) {
+  std::error_code none;
+  return fs::is_regular_file(path, none) && fs::file_size(path, none) > 0 && !io::is_state_file(path);
+}
+
 /// A state may be replaced by a later one of its run, and by nothing else.
 void check_outputs(const SimulateOptions& options, const Scene& scene) {
   check_library_output(options.output);
@@ -82,6 +92,9 @@ void check_outputs(const SimulateOptions& options, const Scene& scene) {
   all.push_back({"--save-state", options.save_state});
   check_apart(inputs_of(options, scene), all);
   check_apart({{"the state", options.resume}}, others);
+  if (!options.save_state.empty() && is_file_of_another_kind(options.save_state))
+    throw ConfigError("--save-state '" + options.save_state +
+                      "' would overwrite a file that is no saved state. Give it another name");
 }
 
 void check_flags(const SimulateOptions& options) {

@@ -1,6 +1,11 @@
 // Reads trajectories and data sets, and distrusts every number in the file.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <limits>
 
@@ -258,6 +263,8 @@ TrajectoryReader::TrajectoryReader(const std::string& path) : impl_(std::make_un
   std::error_code code;
   impl_->file_size = std::filesystem::file_size(path, code);
   if (code) throw InputError("cannot read '" + path + "' (" + code.message() + "). " + remedy_for_missing(path));
+  if (::faccessat(AT_FDCWD, path.c_str(), R_OK, AT_EACCESS) != 0 && errno == EACCES)
+    throw InputError("cannot read '" + path + "' (" + std::strerror(EACCES) + "). Have its owner allow you to read it");
   impl_->guarded([&] { impl_->open(); });
 }
 

@@ -38,7 +38,10 @@ class FileFrames final : public TrajectoryFrames {
     const std::lock_guard lock(file_->mutex);
     return file_->reader.fields(index_);
   }
-  bool complete() const override { return file_->reader.complete(); }
+  bool complete() const override {
+    const std::lock_guard lock(file_->mutex);
+    return file_->reader.complete() && file_->reader.attribute(index_, "recovered").empty();
+  }
   std::vector<io::NamedValue> parameters() const override {
     const std::lock_guard lock(file_->mutex);
     return file_->reader.parameters(index_);
@@ -183,6 +186,7 @@ void write(const PyTrajectory& trajectory, const nb::object& path, bool velociti
   SignalPoll poll;
   io::TrajectoryWriter writer(file, trajectory.header, options);
   if (!parameters.empty()) writer.parameters(parameters);
+  if (!trajectory.frames->complete()) writer.attribute("recovered", "1");
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const auto frame = trajectory.frames->frames(i, 1, options.fields).front();
     const WithoutGil others_run;

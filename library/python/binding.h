@@ -101,7 +101,8 @@ class InUse {
   explicit InUse(std::atomic<bool>& flag) : flag_(flag) {
     if (flag_.exchange(true))
       throw std::runtime_error(
-          "another thread uses this object (allowed: one at a time). Wait for it, or make a second");
+          "another thread uses this object, or the rollout that calls progress (allowed: one at a time). Wait for it, "
+          "or make a second");
   }
   ~InUse() { flag_ = false; }
   InUse(const InUse&) = delete;

@@ -92,10 +92,10 @@ double ParticleLifecycle<T>::largest_speed(double from, double to) const {
     fastest = std::max(fastest, speed + angular_speed * reach_[s]);
   }
   for (const Emitter& emitter : emitters_) {
-    const double last = emitter.emission == Emission::stream ? emitter.end_time
-                        : emitter.times.empty()              ? 0
-                                                             : emitter.times.back();
-    if (from <= last) fastest = std::max(fastest, norm(emitter.velocity));
+    const bool stream = emitter.emission == Emission::stream;
+    const double first = stream ? emitter.start_time : emitter.times.empty() ? 0 : emitter.times.front();
+    const double last = stream ? emitter.end_time : emitter.times.empty() ? 0 : emitter.times.back();
+    if (from <= last && to >= first) fastest = std::max(fastest, norm(emitter.velocity));
   }
   return fastest;
 }

@@ -193,6 +193,11 @@ TEST_F(OddFiles, AFileThatMayNotBeRead) {
   } catch (const InputError& error) {
     said = error.what();
   }
+  try {
+    const io::TrajectoryReader reader(run);
+  } catch (const InputError& error) {
+    EXPECT_EQ(error.what(), said);
+  }
   ASSERT_EQ(::seteuid(all_may ? 0 : ::geteuid()), 0);
   EXPECT_NE(said.find("(Permission denied). Have its owner allow"), std::string::npos) << said;
 }

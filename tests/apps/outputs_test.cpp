@@ -58,6 +58,8 @@ TEST_F(Outputs, OfARunThatGoesOn) {
   const std::string bytes = text_of(state);
   expect_refused("simulate --resume " + state + " --frames 2 -o " + state);
   expect_refused("simulate --resume " + state + " --frames 2 --json " + state);
+  // Nor is the state written over a file of another kind: here the scene, whose path a resumed run does not know.
+  expect_refused("simulate --resume " + state + " --frames 2 --save-state " + scene_);
   EXPECT_EQ(text_of(state), bytes);
   EXPECT_EQ(graupel("simulate --resume " + state + " --frames 2 --save-state " + state).exit_code, 0);
 }

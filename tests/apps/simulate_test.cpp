@@ -33,6 +33,22 @@ TEST(Simulate, WritesEveryFrameAndTheSameBytesForAnyNumberOfThreads) {
   EXPECT_GT(json["updates_per_second"], 0);
 }
 
+TEST(Simulate, WarnsOfEmittersAndSinksThatDoNothing) {
+  const Folder folder;
+  const auto scene = folder.write("idle.json", small_scene(R"("emitters": [ { "shape": "box", "size": [0.1, 0.1, 0.1],
+    "position": [0.3, 0.8, 0.3], "material": "water", "velocity": [0, -1, 0], "start_time": 7, "end_time": 7.1 } ],
+    "sinks": [ { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [5, 5, 5] } ])"));
+  const Outcome idle = graupel("simulate " + scene + " --frames 1 -o " + folder.file("a.h5"));
+  EXPECT_EQ(idle.exit_code, 0) << idle.output;
+  EXPECT_TRUE(idle.says("the emitters sent out no particle: the first would have come at 7 s")) << idle.output;
+  EXPECT_TRUE(idle.says("no particle reached a sink")) << idle.output;
+  const Outcome busy = graupel("simulate " + scene +
+                               " --set emitters.0.start_time=0 --set sinks.0.position=[0.5,0.5,0.5] "
+                               "--frames 2 -o " +
+                               folder.file("b.h5"));
+  EXPECT_FALSE(busy.says("no particle")) << busy.output;
+}
+
 TEST(Simulate, DryRunPrintsCostsAndWritesNothing) {
   const Folder folder;
   const auto scene = folder.write("small.json", small_scene());

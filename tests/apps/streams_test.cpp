@@ -29,7 +29,7 @@ class Streams : public ::testing::Test {
 
 TEST_F(Streams, AFullStandardOutputIsAnErrorOfWriting) {
   for (const std::string& arguments :
-       {std::string("--help"), std::string("simulate --help"), std::string("--version"),
+       {std::string("--help"), std::string("simulate --help"), std::string("--version"), std::string("convert --help"),
         std::string("simulate --print-defaults"), "inspect " + scene_, "simulate --dry-run " + scene_,
         "validate " + scene_, std::string("doctor --threads 1"), "inspect --json - " + scene_,
         "compare --scenes " + scene_ + " --models mpm --no-floors --frames 1 --threads 1",

@@ -194,6 +194,13 @@ TEST_F(SweepSet, RunsWithOtherParticlesAreRefused) {
   EXPECT_TRUE(moved.says("run 2 (angle = 30 degrees, friction = 0.03) starts with other particles than run 0"))
       << moved.output;
   EXPECT_FALSE(std::filesystem::exists(folder_.file("set")));
+  nlohmann::json recipe = nlohmann::json::parse(std::ifstream(recipe_));
+  recipe["parameters"][1]["key"] = "domain.dx";
+  recipe["parameters"][1]["values"] = {0.04, 0.04, 0.03, 0.04, 0.04};
+  std::ofstream(recipe_) << recipe;
+  const Outcome checked = graupel("validate " + recipe_);
+  EXPECT_EQ(checked.exit_code, 3);
+  EXPECT_TRUE(checked.says("starts with other particles than run 0")) << checked.output;
 }
 
 TEST_F(SweepSet, ParticlesThatLeaveAreMarked) {

@@ -40,6 +40,9 @@ TEST(Usage, AnUnknownCommandIsNamed) {
   const Outcome unknown = graupel("frobnicate");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_TRUE(unknown.says("'frobnicate' is not a command (allowed: demo, compare, ")) << unknown.output;
+  const Outcome flag = graupel("--frob scene.json");
+  EXPECT_EQ(flag.exit_code, 2);
+  EXPECT_TRUE(flag.says("'--frob' is not a command, and flags come after one (allowed: demo")) << flag.output;
 }
 
 TEST(Usage, HelpTellsTheExitCodes) {

@@ -84,6 +84,11 @@ TEST_F(Validate, RecipesAndDamagedFiles) {
   const Json files = report(recipe + " " + damaged, 3)["files"];
   EXPECT_EQ(files[0]["errors"].size(), 4u) << files.dump(1);
   EXPECT_EQ(count_with(files[1]["errors"], "is not a valid safetensors file"), 1u);
+  const std::string header =
+      R"({"__metadata__":{"offline_cost":"cheap"},"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})";
+  const std::string cheap = std::string(1, static_cast<char>(header.size())) + std::string(7, '\0') + header + "abcd";
+  const Json cost = report(folder_.write("cost.safetensors", cheap), 3)["files"];
+  EXPECT_EQ(count_with(cost[0]["errors"], "metadata offline_cost"), 1u) << cost.dump(1);
   const Json unknown = report(folder_.write("note.txt", "x") + " / " + damaged, 3)["files"];
   EXPECT_EQ(count_with(unknown[0]["errors"], "no known ending"), 1u) << unknown.dump(1);
   EXPECT_EQ(unknown[1]["errors"].size(), 1u);

@@ -154,6 +154,17 @@ TEST_F(CompareRuns, PicturesStayInTheirFolder) {
   EXPECT_THAT([&] { run_compare(twins); }, ::testing::ThrowsMessage<ConfigError>(::testing::HasSubstr("'a_b'")));
 }
 
+TEST_F(CompareRuns, EveryModelHasAPictureOfItsOwn) {
+  const std::string weights = folder_ + "/mpm_coarse.safetensors";
+  std::filesystem::copy_file("models/coarse-mpm.safetensors", weights);
+  CompareOptions o = options({"mpm:coarse", weights});
+  o.frames = 1;
+  o.floors = false;
+  o.pictures = folder_ + "/pictures";
+  run_compare(o);
+  EXPECT_EQ(names_in(o.pictures), (std::vector<std::string>{"small-mpm_coarse.png", "small-mpm_coarse_.png"}));
+}
+
 TEST_F(CompareRuns, RefusesFlagsOfWhatIsNotMade) {
   const auto expect_refused = [&](CompareOptions o, const char* flag) {
     o.models = {"missing.safetensors"};  // would be an InputError once the work begins

@@ -85,6 +85,17 @@ class OutputsTest(FilesTest):
                 np.testing.assert_array_equal(one["00000/contact_" + name], other["00000/contact_" + name])
             self.assertEqual(list(one["00000"].attrs["contact_names"]), list(other["00000"].attrs["contact_names"]))
 
+    def test_a_copy_of_a_run_that_did_not_end_says_so(self):
+        recorded, copy = self.path("run.h5"), self.path("copy.h5")
+        graupel.simulate(block(), recorded, 2)
+        with h5py.File(recorded, "r+") as file:
+            file.attrs["complete"] = 0
+        unfinished = graupel.Trajectory(recorded)
+        unfinished.write(copy)
+        self.assertEqual((unfinished.complete, graupel.Trajectory(copy).complete), (False, False))
+        graupel.Trajectory(copy).write(self.path("again.h5"))
+        self.assertFalse(graupel.Trajectory(self.path("again.h5")).complete)
+
 
 class WriterTest(FilesTest):
     def test_a_run_of_other_particles_is_refused(self):

@@ -208,6 +208,27 @@ TEST(Emission, StepsAreSmallEnoughForStiffMatterFromItsFirstSubstepOn) {
   }
 }
 
+/// A jet of 100 m/s needs 20 times the steps of a block at rest.
+TEST(Emission, StepsAreNotShorterBeforeItBegins) {
+  const auto substeps = [](const std::vector<Emitter>& emitters, int frames) {
+    Scene scene = scene_with("water", {0.2, 0.2, 0.2});
+    scene.time_step = {.policy = StepPolicy::adaptive};
+    scene.emitters = emitters;
+    const auto simulation = Simulation::create(scene, {});
+    for (int frame = 0; frame < frames; ++frame) simulation->advance_frame();
+    return simulation->statistics().substeps;
+  };
+  Emitter jet = nozzle();
+  jet.velocity = {0, -100, 0};
+  jet.end_time = 0.05;
+  jet.start_time = 0.049;
+  EXPECT_EQ(substeps({jet}, 1), substeps({}, 1));
+  EXPECT_GT(substeps({jet}, 3), 2 * substeps({}, 3));
+  jet.emission = Emission::burst;
+  jet.times = {0.049};
+  EXPECT_EQ(substeps({jet}, 1), substeps({}, 1));
+}
+
 /// A nozzle and a box that moves by `way` in the first 0.1 s.
 Scene with_moving_box(const Vec3d& from, const Vec3d& way, double start_time) {
   Emitter emitter = nozzle();

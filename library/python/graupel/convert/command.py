@@ -7,7 +7,7 @@ import time
 import traceback
 
 from .conversion import Conversion
-from .errors import ConfigError, ConvertError, Interrupted
+from .errors import ConfigError, ConvertError, Interrupted, printing
 from .flags import make_parser
 from .metadata import json_text
 from .outputs import check_json_file, write_text
@@ -17,7 +17,8 @@ from .series import SPLITS
 
 def parse(arguments):
     parser = make_parser()
-    options = parser.parse_args(arguments)
+    with printing():  # --help
+        options = parser.parse_args(arguments)
     options.split = [name for names in options.split for name in names.split(",")]
     for name in options.split:
         if name not in SPLITS:
@@ -83,7 +84,8 @@ def report(options, conversion):
               + training_settings(scene, conversion.metadata.radius, network), file=sys.stderr)
     result = result_of(options, conversion)
     if options.json == "-":
-        print(json.dumps(result, indent=2))
+        with printing():
+            print(json.dumps(result, indent=2))
     elif options.json:
         write_text(options.json, json_text(result))
 
@@ -92,7 +94,6 @@ def ended(code, message=""):
     """Ends the process at once: HDF5 1.10 crashes when it cleans up a file that a full disk kept from closing."""
     if message:
         print(message, file=sys.stderr)
-    sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
 

@@ -1,6 +1,7 @@
 """Errors by exit code; texts are "problem (value, allowed range). Remedy"."""
 import contextlib
 import errno
+import sys
 
 
 class ConvertError(Exception):
@@ -47,3 +48,15 @@ def writing(path):
     except (OSError, RuntimeError) as error:  # h5py raises RuntimeError where a file cannot be flushed or closed
         text = "No space left on device" if disk_is_full(error) else str(error)
         raise OutputError(f"cannot write '{path}' ({text}). Free space on that disk or choose another folder") from error
+
+
+@contextlib.contextmanager
+def printing():
+    """Turns the system's errors while the standard output is written into OutputError."""
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        raise OutputError(f"cannot write to standard output ({error.strerror}). Free space there, or print to another file") from error
