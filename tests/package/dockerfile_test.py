@@ -177,7 +177,7 @@ def try_image(image, has_cuda):
     scenes = "/usr/share/graupel/scenes"
     refused = image.run(["/bin/sh", "-c", f"graupel simulate {scenes}/shared/water_steps.json -o gpu.h5 --device cuda "
                          "2>&1; test $? = 2"])
-    reason = "no NVIDIA GPU or driver was found" if has_cuda else "built without CUDA"
+    reason = "no NVIDIA GPU or driver was found" if has_cuda else "this build has no CUDA"
     assert reason in refused, f"there is no GPU here, but the program says: {refused}"
     image.image("simulate", f"{scenes}/shared/water_steps.json", "-o", "steps.h5", "--frames", "10")
     assert "frames: 11" in image.image("inspect", "steps.h5"), "the start and 10 frames"

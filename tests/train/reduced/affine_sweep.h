@@ -23,11 +23,9 @@ inline Mat3d map_at(double size, int frame) {
   return map;
 }
 
-/// The folder `name` of the data set, made anew below the build folder: train.h5 and test.h5.
+/// The folder of the data set `name`: train.h5 and test.h5.
 inline std::string affine_sweep(const std::string& name, const std::string& transfer = "pic") {
-  const std::string folder = std::string(GRAUPEL_BINARY_DIR) + "/" + name;
-  remove_path(folder);
-  make_folder(folder);
+  const std::string folder = new_sweep_folder(name);
   const Scene scene = io::parse_scene(R"({
     "domain": { "size": [0.5, 0.5, 0.5], "dx": 0.02 }, "materials": { "solid": { "preset": "crom_solid" } },
     "sources": [ { "shape": "box", "size": [0.12, 0.08, 0.08], "position": [0.25, 0.25, 0.25], "material": "solid",

@@ -166,7 +166,7 @@ TEST_F(CromTraining, AsksForTheFieldsThatItNeeds) {
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("lacks the field 'stress'"), std::string::npos) << error.what();
   }
-  const std::string sand = std::string(GRAUPEL_BINARY_DIR) + "/crom_without_gradient.h5";
+  const std::string sand = new_sweep_folder("crom_without_gradient") + "/run.h5";
   const Trajectory run = run_of(column(30));
   io::TrajectoryWriteOptions write;
   write.fields = nsf_fields;

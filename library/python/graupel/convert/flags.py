@@ -2,6 +2,7 @@
 import argparse
 import json
 import math
+import sys
 
 from .errors import ConfigError
 
@@ -36,6 +37,9 @@ above_zero.__name__ = "number above 0"
 class Parser(argparse.ArgumentParser):
     def error(self, message):
         raise ConfigError(f"{message}\nRun 'graupel convert --help' for the flags.")
+
+    def print_help(self, file=None):
+        (file or sys.stdout).write(self.format_help())  # argparse passes over what the system says
 
 
 def make_parser():
