@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <new>
 
 #include "core/system/error.h"
@@ -75,14 +76,18 @@ void sync_path(const std::string& path, int flags) {
   sync_descriptor(fd.get(), path);
 }
 
-/// Creates a file beside `path` that no other thread or process writes; returns its name.
-std::string create_aside(const std::string& path) {
+/// Creates a file beside `path` that no other thread or process writes. It is known as unfinished before it is there.
+std::unique_ptr<UnfinishedFile> create_aside(const std::string& path) {
   static std::atomic<int> number = 0;
   for (;;) {
-    std::string part = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
-    const Descriptor fd(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0644));
+    const std::string name = path + "." + std::to_string(::getpid()) + "-" + std::to_string(number++) + ".part";
+    auto part = std::make_unique<UnfinishedFile>(name);
+    const Descriptor fd(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL, 0644));
     if (fd.get() >= 0) return part;
-    if (errno != EEXIST) fail("create", part);
+    const int reason = errno;
+    part->keep();  // another's, or none
+    errno = reason;
+    if (reason != EEXIST) fail("create", name);
   }
 }
 
@@ -149,15 +154,15 @@ void write_file_atomically(const std::string& path, const std::vector<std::strin
     write_all(fd.get(), pieces, path);
     return;
   }
-  UnfinishedFile part(create_aside(path));
+  const std::unique_ptr<UnfinishedFile> part = create_aside(path);
   {
-    const Descriptor fd(::open(part.path().c_str(), O_WRONLY));
-    if (fd.get() < 0) fail("open", part.path());
-    write_all(fd.get(), pieces, part.path());
-    sync_descriptor(fd.get(), part.path());
+    const Descriptor fd(::open(part->path().c_str(), O_WRONLY));
+    if (fd.get() < 0) fail("open", part->path());
+    write_all(fd.get(), pieces, part->path());
+    sync_descriptor(fd.get(), part->path());
   }
-  replace_file(part.path(), path);
-  part.keep();
+  replace_file(part->path(), path);
+  part->keep();
 }
 
 void sync_file(const std::string& path) { sync_path(path, O_RDONLY); }

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <thread>
 
 #include "core/system/error.h"
 #include "core/system/stopwatch.h"
@@ -39,6 +40,7 @@ const char* name_of(StateArray array) {
 }
 
 void configure_torch(int threads, bool tf32) {
+  std::thread([] {}).join();  // throws where the system gives no thread, for which libtorch's pool waits without end
   at::set_num_threads(threads);
   at::globalContext().setAllowTF32CuBLAS(tf32);
 }
