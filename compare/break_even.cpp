@@ -25,7 +25,9 @@ SceneTimes times_of(const Comparison& comparison, const std::string& model) {
   for (const SceneResult& scene : comparison.scenes)
     for (const ModelResult& result : scene.models) {
       if (result.model != model) continue;
-      const double frames = 1e-3 * static_cast<double>(scene.frames), frame_ms = result.values.at("frame_ms");
+      const auto time = result.values.find("frame_ms");
+      const double frames = 1e-3 * static_cast<double>(scene.frames),
+                   frame_ms = time == result.values.end() ? 0 : time->second;
       if (!(frame_ms > 0) || !(scene.mpm_frame_ms > 0) || !(scene.opponent_frame_ms > 0)) continue;
       ++times.scenes;
       times.model += frames * frame_ms;

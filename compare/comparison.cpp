@@ -182,7 +182,11 @@ std::vector<std::string> incomplete_results(const Comparison& comparison) {
       const std::string where = " of " + result.model + " in " + scene.name;
       std::vector<MetricGroup> groups = comparison.groups;
       if (result.one_step_source.empty()) std::erase(groups, MetricGroup::one_step);
-      for (const auto& key : missing_metrics(metric_list(), groups, result.values)) incomplete.push_back(key + where);
+      // A run that diverged before it computed a frame has no time.
+      const bool has_time = result.diverged_at_frame < 0 || result.values.count("frame_ms") > 0;
+      for (const auto& key : missing_metrics(metric_list(), groups, result.values))
+        if (has_time || (key != "frame_ms" && key != "speed_ratio" && key != "ratio_frame_ms"))
+          incomplete.push_back(key + where);
       for (const auto& [material, values] : result.materials)
         for (const auto& key : missing_metrics(material_metric_list(), comparison.groups, values))
           incomplete.push_back(material + "." + key + where);

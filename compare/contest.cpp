@@ -193,11 +193,13 @@ Contest hold(const Scenes& all, const std::string& name, const std::string& riva
   const Scenes scenes = scenes_with(all, name);
   contest.scenes = scenes.size();
   MeanRatio time, mpm_time;
+  int timed_scenes = 0;  // a run whose first frame diverges has no time
   for (const SceneResult* scene : scenes) {
     const Row own = *row_of(*scene, name), other = *row_of(*scene, rival);
     contest.is_rival = own.is_rival;
     contest.outside_training += own.outside_training;
-    contest.frame_ms += time_of(own) / static_cast<double>(scenes.size());
+    if (const double frame_ms = time_of(own); frame_ms > 0)
+      contest.frame_ms += (frame_ms - contest.frame_ms) / ++timed_scenes;
     time.add(time_of(own), time_of(other));
     mpm_time.add(time_of(own), scene->mpm_frame_ms);
     const auto verdict = verdicts(*own.values, *other.values, [&] {

@@ -36,7 +36,7 @@ struct Contest {
   Outcome outcome = Outcome::level;  ///< better, or worse, in two deciding metrics or more
   std::size_t scenes = 0, won = 0, lost = 0;
   std::map<std::string, MetricContest> metrics;  ///< by deciding metric
-  double frame_ms = 0;                           ///< mean over the scenes; 0 for what computes nothing
+  double frame_ms = 0;                           ///< mean over the scenes that have one; 0 for what computes nothing
   std::optional<double> time_ratio;              ///< over the rival's time, by geometric mean; none where it takes none
   std::optional<double> mpm_ratio;               ///< over the time of mpm
   std::optional<FirstFailure> failure;           ///< the earliest of all scenes; never of the rival itself

@@ -93,6 +93,7 @@ if [ -z "$filter" ]; then
     skipped=$((skipped + 1))
     echo "skipped arrays and training under Slurm: needs root and the packages slurmctld slurmd slurm-client munge"
   fi
+  check "keys, pointer and messages of the viewer's page" /usr/bin/python3 tests/viewer/page_test.py
   check "Markdown: links, lines, index" /usr/bin/python3 tests/tools/docs_test.py
   check "documentation as web pages: links, search" ./run site
   if [ -n "${lint:-}" ]; then

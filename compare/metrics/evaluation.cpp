@@ -276,21 +276,24 @@ MetricValues one_step_values(const OneStepError& error) {
 MetricValues cost_values(const RunCost& cost, std::size_t particles, double mpm_frame) {
   constexpr double mib = 1024.0 * 1024.0;
   const double on_host = std::max(0.0, cost.added_bytes - cost.kept_bytes) + cost.weights_bytes;
-  return {{"particles", static_cast<double>(particles)},
-          {"frame_ms", 1e3 * cost.frame},
-          {"gpu_events_ms", 1e3 * cost.events},
-          {"network_ms", 1e3 * cost.network},
-          {"grid_build_ms", 1e3 * cost.grid_build},
-          {"features_ms", 1e3 * cost.features},
-          {"projection_ms", 1e3 * cost.projection},
-          {"output_ms", 1e3 * cost.output},
-          {"speed_ratio", mpm_frame / std::max(cost.frame, 1e-9)},
-          {"substeps_per_frame", cost.substeps},
-          {"bundle", cost.bundle},
-          {"step_search_s", cost.search},
-          {"peak_memory_mib", cost.peak_bytes / mib},
-          {"added_memory_mib", cost.added_bytes / mib},
-          {"model_memory_mib", (cost.device_bytes > 0 ? cost.device_bytes : on_host) / mib}};
+  MetricValues values = {{"particles", static_cast<double>(particles)},
+                         {"gpu_events_ms", 1e3 * cost.events},
+                         {"network_ms", 1e3 * cost.network},
+                         {"grid_build_ms", 1e3 * cost.grid_build},
+                         {"features_ms", 1e3 * cost.features},
+                         {"projection_ms", 1e3 * cost.projection},
+                         {"output_ms", 1e3 * cost.output},
+                         {"substeps_per_frame", cost.substeps},
+                         {"bundle", cost.bundle},
+                         {"step_search_s", cost.search},
+                         {"peak_memory_mib", cost.peak_bytes / mib},
+                         {"added_memory_mib", cost.added_bytes / mib},
+                         {"model_memory_mib", (cost.device_bytes > 0 ? cost.device_bytes : on_host) / mib}};
+  if (cost.frame > 0) {  // none where the first frame diverged
+    values["frame_ms"] = 1e3 * cost.frame;
+    values["speed_ratio"] = mpm_frame / cost.frame;
+  }
+  return values;
 }
 
 MetricValues floor_values(const Evaluation& moved, const Evaluation& reseeded) {

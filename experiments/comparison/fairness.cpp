@@ -51,7 +51,8 @@ compare::MetricValues ratios(const compare::MetricValues& model, const compare::
     const auto beyond = [&](double error) { return std::max({error - floor, floor / 10, smallest}); };
     ratios["ratio_" + key] = beyond(model.at(key)) / beyond(opponent.at(key));
   }
-  ratios["ratio_frame_ms"] = std::max(model.at("frame_ms"), smallest) / std::max(opponent.at("frame_ms"), smallest);
+  if (model.count("frame_ms"))
+    ratios["ratio_frame_ms"] = std::max(model.at("frame_ms"), smallest) / std::max(opponent.at("frame_ms"), smallest);
   return ratios;
 }
 

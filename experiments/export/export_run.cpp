@@ -56,30 +56,46 @@ StoredScene stored_scene(const std::string& text, const std::string& file) {
   return stored;
 }
 
-/// Widest spacing that the scene's bodies are filled with.
-double widest_spacing(const Scene& scene) {
+/// Widest spacing that the scene's bodies are filled with [m]: those of materials that `counts`.
+template <typename Counts>
+double widest_spacing(const Scene& scene, Counts counts) {
   double spacing = 0;
-  const auto take = [&](double per_cell) {
-    spacing = std::max(spacing, io::particle_spacing(scene.domain.dx, per_cell));
+  const auto take = [&](const std::string& material, double per_cell) {
+    if (counts(material)) spacing = std::max(spacing, scene.domain.spacing(per_cell));
   };
-  for (const Source& source : scene.sources) take(source.particles_per_cell);
-  for (const Emitter& emitter : scene.emitters) take(emitter.particles_per_cell);
+  for (const Source& source : scene.sources) take(source.material, source.particles_per_cell);
+  for (const Emitter& emitter : scene.emitters) take(emitter.material, emitter.particles_per_cell);
   return spacing;
 }
+double widest_spacing(const Scene& scene) {
+  return widest_spacing(scene, [](const std::string&) { return true; });
+}
+/// Of one body; of all bodies where the scene does not tell it.
+double widest_spacing(const Scene& scene, const io::SurfaceBody& body, const ParticleMaterials& materials) {
+  const double own = widest_spacing(scene, [&](const std::string& material) {
+    if (body.index.value_or(-1) >= 0) return materials.names[static_cast<std::size_t>(*body.index)] == material;
+    return particle_type_of(scene.materials.at(material).model) == body.particle_type;
+  });
+  return own > 0 ? own : widest_spacing(scene);
+}
 
-io::SurfaceSettings surface_settings(const ExportRequest& request, const StoredScene& stored) {
+std::vector<io::SurfaceBody> surface_bodies(const ExportRequest& request, const StoredScene& stored,
+                                            const Trajectory& header) {
   if (stored.scene && stored.scene->domain.dimensions == 2)
     throw ConfigError("'" + request.input + "' has 2 dimensions, surfaces are for 3. Leave --surface out");
   if (!stored.scene && !request.radius)
     throw ConfigError("the size of the particles in '" + request.input + "' is not known (" + stored.problem +
                       "). Give it by --radius, 1.5 times their spacing");
-  io::SurfaceSettings settings =
-      io::default_surface_settings(stored.scene ? widest_spacing(*stored.scene) : *request.radius / 1.5);
-  settings.radius = request.radius.value_or(settings.radius);
-  settings.voxel = request.voxel.value_or(settings.voxel);
-  settings.smoothing = request.smoothing.value_or(settings.smoothing);
-  io::check_surface_settings(settings);
-  return settings;
+  std::vector<io::SurfaceBody> bodies = io::surface_bodies(header.particle_type, header.materials, {});
+  for (io::SurfaceBody& body : bodies) {
+    body.settings = io::default_surface_settings(stored.scene ? widest_spacing(*stored.scene, body, header.materials)
+                                                              : *request.radius / 1.5);
+    body.settings.radius = request.radius.value_or(body.settings.radius);
+    body.settings.voxel = request.voxel.value_or(body.settings.voxel);
+    body.settings.smoothing = request.smoothing.value_or(body.settings.smoothing);
+    io::check_surface_settings(body.settings);
+  }
+  return bodies;
 }
 
 /// What a frame is written to.
@@ -103,16 +119,16 @@ class PointSink : public Sink {
 
 class SurfaceSink : public Sink {
  public:
-  SurfaceSink(const std::string& format, const io::ExportTarget& target, const io::SurfaceSettings& settings)
-      : writer_(io::make_surface_writer(format, target)), settings_(settings) {}
+  SurfaceSink(const std::string& format, const io::ExportTarget& target, std::vector<io::SurfaceBody> bodies)
+      : writer_(io::make_surface_writer(format, target)), bodies_(std::move(bodies)) {}
   void write(int64_t frame, const io::PointFrame& points) override {
-    writer_->write(frame, points.time, io::surfaces_of(points, settings_, fmt::format("frame {}", frame)));
+    writer_->write(frame, points.time, io::surfaces_of(points, bodies_, fmt::format("frame {}", frame)));
   }
   void finish() override { writer_->finish(); }
 
  private:
   std::unique_ptr<io::SurfaceWriter> writer_;
-  io::SurfaceSettings settings_;
+  std::vector<io::SurfaceBody> bodies_;
 };
 
 /// Single pictures, or a film of them.
@@ -187,9 +203,17 @@ std::string name_from(const std::string& input) {
   return name;
 }
 
-std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTarget& target,
-                                const StoredScene& stored) {
-  if (request.surface) return std::make_unique<SurfaceSink>(request.format, target, surface_settings(request, stored));
+/// Exports that do not replace each other have names of their own.
+std::string default_name(const ExportRequest& request, int trajectories) {
+  std::string name = name_from(request.input);
+  if (trajectories > 1) name += fmt::format("_{:05d}", request.trajectory);
+  return name + (request.surface ? "_surface" : "");
+}
+
+std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTarget& target, const StoredScene& stored,
+                                const Trajectory& header) {
+  if (request.surface)
+    return std::make_unique<SurfaceSink>(request.format, target, surface_bodies(request, stored, header));
   if (contains(picture_formats, request.format)) return std::make_unique<PictureSink>(request, target, stored);
   return std::make_unique<PointSink>(request.format, target);
 }
@@ -240,6 +264,13 @@ std::vector<std::string> export_formats() {
 
 namespace {
 
+/// Series keep the frames before; what is one file for all frames is not written.
+void stop(const ExportRequest& request, Sink& sink, const std::string& folder) {
+  const bool one_file = contains({"usda", "gif", "mp4"}, request.format);
+  if (!one_file) sink.finish();
+  stop_if_interrupted(one_file ? "; nothing was written" : "; the frames before are in '" + folder + "'");
+}
+
 /// `json`: another output.
 ExportResult export_trajectory(const ExportRequest& request, const std::string& json) {
   check_format(request);
@@ -257,7 +288,7 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   const StoredScene stored = stored_scene(header.scene_json, request.input);
 
   io::ExportTarget target;
-  target.name = request.name.empty() ? name_from(request.input) : request.name;
+  target.name = request.name.empty() ? default_name(request, reader.count()) : request.name;
   target.folder = request.folder.empty() ? target.name + "_" + request.format : request.folder;
   target.frame_time = header.frame_time;
   if (stored.scene) {
@@ -267,18 +298,18 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   const NamedFile input = {"the trajectory", request.input};
   io::check_inputs_kept({input}, {{"--json", json}});
   check_apart_from_series(io::files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
-  const std::unique_ptr<Sink> sink = make_sink(request, target, stored);
+  const std::unique_ptr<Sink> sink = make_sink(request, target, stored, header);
   const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
   Progress progress("export", static_cast<int64_t>(frames.size()));
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const std::vector<ParticleFrame> read = reader.frames(request.trajectory, frames[k], 1, fields);
-    stop_if_interrupted("; the frames before are in '" + target.folder + "'");
+    if (interrupted()) stop(request, *sink, target.folder);
     const io::PointFrame points = io::points_of(header.particle_type, read.front(), header.materials);
     io::check_finite(frames[k], points);
     sink->write(frames[k], points);
     progress.update(static_cast<int64_t>(k) + 1);
   }
-  stop_if_interrupted("; the frames are in '" + target.folder + "'");
+  if (interrupted()) stop(request, *sink, target.folder);
   sink->finish();
   progress.done();
   return {target.folder, static_cast<int64_t>(frames.size()), static_cast<int64_t>(header.particle_count())};

@@ -75,16 +75,16 @@ void check_flags_of_reduced_model(const RolloutOptions& options) {
 }
 
 void check_flags_of_coarse_model(const RolloutOptions& options) {
-  const char* flag = options.start != "scene" ? "--start"
-                     : options.all            ? "--all"
-                     : options.no_project     ? "--no-project"
-                     : options.no_free_flight ? "--no-free-flight"
-                     : options.density_limit  ? "--density-limit"
-                                              : flag_of_reduced_models(options);
+  const char* of_networks = options.start != "scene" ? "--start"
+                            : options.all            ? "--all"
+                            : options.no_project     ? "--no-project"
+                            : options.no_free_flight ? "--no-free-flight"
+                            : options.density_limit  ? "--density-limit"
+                                                     : nullptr;
+  const char* flag = of_networks != nullptr ? of_networks : flag_of_reduced_models(options);
   if (flag != nullptr)
-    throw ConfigError(
-        fmt::format("{} is of graph networks or reduced-order models, and '{}' is coarse MPM. Leave it out", flag,
-                    options.weights));
+    throw ConfigError(fmt::format("{} is of {}, and '{}' is coarse MPM. Leave it out", flag,
+                                  of_networks != nullptr ? "graph networks" : "reduced-order models", options.weights));
 }
 
 }  // namespace

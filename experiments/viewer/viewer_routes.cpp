@@ -86,7 +86,9 @@ void ViewerSide::restart() {
 void ViewerRoutes::check_sender(const HttpRequest& request) const {
   const int port = port_;
   const std::string here[] = {fmt::format("127.0.0.1:{}", port), fmt::format("localhost:{}", port)};
-  const auto is_ours = [&](const std::string& host) { return host == here[0] || host == here[1]; };
+  const auto is_ours = [&](const std::string& host) {
+    return host == here[0] || host == here[1] || (port == 80 && (host == "127.0.0.1" || host == "localhost"));
+  };
   if (!is_ours(request.field("host")))
     throw HttpError(403, fmt::format("the Host is not this program's (allowed: {} or {})", here[0], here[1]));
   const std::string& origin = request.field("origin");

@@ -30,6 +30,10 @@ struct PointFrame {
   std::vector<int32_t> id;             ///< [n] place in the trajectory
   std::vector<float> volume_ratio;     ///< [n] J; empty where the fields that tell it were not stored
   ParticleMaterials materials = {};    ///< [n]; empty where they were not stored
+  bool stores_velocity = false, stores_volume_ratio = false;  ///< in all frames, also in those without particles
+
+  bool has_velocity() const { return stores_velocity || !velocity.empty(); }
+  bool has_volume_ratio() const { return stores_volume_ratio || !volume_ratio.empty(); }
 };
 /// Of frame `frame` of a trajectory with these types and materials. J is what the field `plastic` holds for water,
 /// jelly, neo_hookean and toothpaste, and det F by `deformation_gradient` for the others; 1 for those without stress.
@@ -45,8 +49,18 @@ struct MaterialSurface {
   std::optional<int32_t> index;  ///< in ParticleMaterials, where it was stored
   ParticleSurface surface;
 };
-/// By ascending type and index. Names are of letters, digits and '_', and differ; in messages they follow `where`.
-std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const SurfaceSettings& settings,
+/// What has a surface of its own.
+struct SurfaceBody {
+  int32_t particle_type = 0;
+  std::optional<int32_t> index;  ///< in ParticleMaterials, where it was stored
+  SurfaceSettings settings;
+};
+/// All of a trajectory, by ascending type and index.
+std::vector<SurfaceBody> surface_bodies(const std::vector<int32_t>& particle_type, const ParticleMaterials& materials,
+                                        const SurfaceSettings& settings);
+/// One of each body, without triangles where no particle of it is in the run. Names are of letters, digits and '_', and
+/// differ; in messages they follow `where`.
+std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const std::vector<SurfaceBody>& bodies,
                                          const std::string& where);
 
 /// A sequence of frames in one format. Files appear when they are whole; without finish() a sequence lacks the file

@@ -34,7 +34,7 @@ void append_attribute(std::string& out, const std::string& name, uint16_t compon
 }
 
 std::string bgeo_bytes(const PointFrame& points, float radius) {
-  const bool velocity = !points.velocity.empty(), ratio = !points.volume_ratio.empty();
+  const bool velocity = points.has_velocity(), ratio = points.has_volume_ratio();
   const bool material = !points.materials.empty();
   const int32_t attributes = 3 + velocity + material + ratio;
   std::string out = "BgeoV";

@@ -19,7 +19,7 @@ std::string vertex_header(std::size_t count) {
 }
 
 std::string ply_bytes(const PointFrame& points) {
-  const bool velocity = !points.velocity.empty(), ratio = !points.volume_ratio.empty();
+  const bool velocity = points.has_velocity(), ratio = points.has_volume_ratio();
   const bool material = !points.materials.empty();
   std::string out = vertex_header(points.position.size());
   if (velocity) out += properties("float", {"vx", "vy", "vz"});

@@ -27,12 +27,11 @@ class UsdaPoints : public PointWriter {
     particles_.sample("float3[] extent", frame, usda_extent(points.position, 0.5 * size_));
     particles_.sample("int64[] ids", frame, usda_array(points.id));
     particles_.sample("point3f[] points", frame, usda_array(points.position));
-    if (!points.velocity.empty() || points.position.empty())
-      particles_.sample("vector3f[] velocities", frame, usda_array(points.velocity));
+    if (points.has_velocity()) particles_.sample("vector3f[] velocities", frame, usda_array(points.velocity));
     particles_.sample("int[] primvars:particle_type", frame, usda_array(points.particle_type), a_value_a_point);
     if (!points.materials.empty())
       particles_.sample("int[] primvars:material", frame, usda_array(points.materials.index), a_value_a_point);
-    if (!points.volume_ratio.empty())
+    if (points.has_volume_ratio())
       particles_.sample("float[] primvars:J", frame, usda_array(points.volume_ratio), a_value_a_point);
   }
   void finish() override { layer_.finish(); }

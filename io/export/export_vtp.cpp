@@ -62,12 +62,12 @@ std::string finish_piece(AppendedXml& out, const std::vector<Vec3f>& position, c
 std::string vtp_bytes(const PointFrame& points) {
   AppendedXml out;
   begin_piece(out, points.time, points.position.size(), points.position.size(), Cells::vertices,
-              points.velocity.empty() ? "" : " Vectors=\"velocity\"");
+              points.has_velocity() ? " Vectors=\"velocity\"" : "");
   out.array("Int32", "particle_type", 1, points.particle_type);
   if (!points.materials.empty()) out.array("Int32", "material", 1, points.materials.index);
   out.array("Int32", "id", 1, points.id);
-  if (!points.velocity.empty()) out.array("Float32", "velocity", 3, points.velocity);
-  if (!points.volume_ratio.empty()) out.array("Float32", "J", 1, points.volume_ratio);
+  if (points.has_velocity()) out.array("Float32", "velocity", 3, points.velocity);
+  if (points.has_volume_ratio()) out.array("Float32", "J", 1, points.volume_ratio);
   std::vector<int64_t> connectivity(points.position.size());  // a vertex cell a particle: visible without a filter
   std::iota(connectivity.begin(), connectivity.end(), int64_t(0));
   return finish_piece(out, points.position, connectivity, 1, "Verts");

@@ -1,7 +1,6 @@
 // What is exported of a frame: its particles with their attributes, and the surface of each material.
-#include <compare>
-#include <map>
 #include <set>
+#include <utility>
 
 #include "core/scene/material_config.h"
 #include "io/export/export.h"
@@ -26,13 +25,12 @@ float determinant_of(const float* m) {
   return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
 }
 
-/// [n] of all particles; empty where the fields do not tell those of all that are in the run.
+/// [n] of all particles; empty where the fields do not tell those of all that are ever in the run.
 std::vector<float> volume_ratios(const std::vector<int32_t>& particle_type, const ParticleFrame& frame) {
   const std::vector<float>& plastic = frame.fields[ParticleField::plastic];
   const std::vector<float>& deformation = frame.fields[ParticleField::deformation_gradient];
   std::vector<float> ratio(frame.position.size(), 1.0f);
   for (std::size_t i = 0; i < ratio.size(); ++i) {
-    if (!frame.is_active(i)) continue;
     const VolumeRatio stored = volume_ratio_of(particle_type[i]);
     if (stored == VolumeRatio::one) continue;
     if ((stored == VolumeRatio::plastic ? plastic : deformation).empty()) return {};
@@ -57,20 +55,6 @@ std::vector<std::string> file_names(const std::vector<std::string>& names) {
   return out;
 }
 
-/// A body's particle type, and its index in ParticleMaterials where there is one.
-using Body = std::pair<int32_t, std::optional<int32_t>>;
-
-/// Which particles are of each material.
-std::map<Body, std::vector<std::size_t>> bodies_of(const PointFrame& points) {
-  std::map<Body, std::vector<std::size_t>> bodies;
-  for (std::size_t i = 0; i < points.position.size(); ++i) {
-    std::optional<int32_t> index;
-    if (!points.materials.empty()) index = points.materials.index[i];
-    bodies[{points.particle_type[i], index}].push_back(i);
-  }
-  return bodies;
-}
-
 }  // namespace
 
 PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFrame& frame,
@@ -79,6 +63,8 @@ PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFr
   out.time = frame.time;
   out.materials.names = materials.names;
   const std::vector<float> ratio = volume_ratios(particle_type, frame);
+  out.stores_velocity = !frame.velocity.empty();
+  out.stores_volume_ratio = !ratio.empty();
   for (std::size_t i = 0; i < frame.position.size(); ++i) {
     if (!frame.is_active(i)) continue;
     out.id.push_back(static_cast<int32_t>(i));
@@ -91,21 +77,33 @@ PointFrame points_of(const std::vector<int32_t>& particle_type, const ParticleFr
   return out;
 }
 
-std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const SurfaceSettings& settings,
+std::vector<SurfaceBody> surface_bodies(const std::vector<int32_t>& particle_type, const ParticleMaterials& materials,
+                                        const SurfaceSettings& settings) {
+  std::set<std::pair<int32_t, std::optional<int32_t>>> found;
+  for (std::size_t i = 0; i < particle_type.size(); ++i)
+    found.emplace(particle_type[i], materials.empty() ? std::nullopt : std::optional(materials.index[i]));
+  std::vector<SurfaceBody> bodies;
+  bodies.reserve(found.size());
+  for (const auto& [type, index] : found) bodies.push_back({type, index, settings});
+  return bodies;
+}
+
+std::vector<MaterialSurface> surfaces_of(const PointFrame& points, const std::vector<SurfaceBody>& bodies,
                                          const std::string& where) {
   const std::vector<std::string> names = file_names(points.materials.names);
   std::vector<MaterialSurface> surfaces;
-  for (const auto& [body, particles] : bodies_of(points)) {
-    const auto& [particle_type, index] = body;
+  for (const SurfaceBody& body : bodies) {
     std::vector<Vec3f> position, velocity;
-    for (const std::size_t i : particles) {
+    for (std::size_t i = 0; i < points.position.size(); ++i) {
+      if (points.particle_type[i] != body.particle_type) continue;
+      if (body.index && points.materials.index[i] != *body.index) continue;
       position.push_back(points.position[i]);
       if (!points.velocity.empty()) velocity.push_back(points.velocity[i]);
     }
-    const std::string material =
-        index.value_or(-1) >= 0 ? names[static_cast<std::size_t>(*index)] : particle_type_name(particle_type);
-    surfaces.push_back(
-        {material, particle_type, index, ParticleSurface(position, velocity, settings, where + ", " + material)});
+    const std::string material = body.index.value_or(-1) >= 0 ? names[static_cast<std::size_t>(*body.index)]
+                                                              : particle_type_name(body.particle_type);
+    surfaces.push_back({material, body.particle_type, body.index,
+                        ParticleSurface(position, velocity, body.settings, where + ", " + material)});
   }
   return surfaces;
 }

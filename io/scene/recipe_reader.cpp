@@ -1,5 +1,7 @@
 #include "io/scene/recipe_reader.h"
 
+#include <algorithm>
+
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "io/config/config_reader.h"
@@ -34,6 +36,12 @@ void check_recipe(const ConfigDocument& document, const SceneRecipe& recipe) {
     config_fail(find_place(document, {"domain", "dimensions"}), "must be 3: recipes draw scenes in space (2)",
                 "Leave it out");
   check_grid(find_place(document, {"domain", "size"}), recipe.domain);
+  const Vec3d room = recipe.domain.wall_high() - recipe.domain.wall_low();
+  if (const double widest = std::min({room[0], room[1], room[2]}); groups.count > 0 && groups.size >= widest)
+    config_fail(find_place(document, {"groups", "size"}),
+                "is too large for the room inside the walls (" + number_text(groups.size) + " m, allowed: below " +
+                    number_text(widest) + ")",
+                "Lower it, or enlarge the domain");
   if (recipe.obstacles.max_size < recipe.obstacles.min_size)
     config_fail(find_place(document, {"obstacles", "max_size"}),
                 "is smaller than min_size (" + number_text(recipe.obstacles.min_size) + ")", "Swap them");

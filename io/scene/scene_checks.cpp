@@ -107,6 +107,10 @@ void check_source(const ConfigDocument& document, std::size_t index, const Scene
   check_body(document, "sources", index, source);
   check_filled(document, "sources", index, source, source.material, scene);
   if (source.motion) check_motion(body_place(document, "sources", index, "motion"), *source.motion);
+  if (source.release_time && !source.motion)
+    config_fail(body_place(document, "sources", index, "release_time"),
+                "has no effect without 'motion' (" + number_text(*source.release_time) + " s)",
+                "Add \"motion\": {}, which holds the body until then, or leave it out");
 }
 
 void check_emitter(const ConfigDocument& document, std::size_t index, const Scene& scene) {

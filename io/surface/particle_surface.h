@@ -22,8 +22,6 @@ struct SurfaceSettings {
   int smoothing = 3;   ///< passes of mean curvature flow, 0 to 100
 };
 
-/// Spacing of particles in cells of edge `dx` [m].
-double particle_spacing(double dx, double particles_per_cell);
 /// What goes well with a spacing: spheres of 1.5 spacings, voxels of half of one.
 SurfaceSettings default_surface_settings(double spacing);
 /// Throws ConfigError that names the option (--radius, --voxel, --smoothing), its value and the allowed range.

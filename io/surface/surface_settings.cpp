@@ -51,8 +51,6 @@ double touched_cubes(const std::vector<Vec3f>& position, double edge) {
 
 }  // namespace
 
-double particle_spacing(double dx, double particles_per_cell) { return dx / std::cbrt(particles_per_cell); }
-
 SurfaceSettings default_surface_settings(double spacing) {
   return {.spacing = spacing, .radius = 1.5 * spacing, .voxel = 0.5 * spacing};
 }

@@ -98,7 +98,7 @@ void update_nodes(const CpuStep<T>& s, int64_t node_block) {
   for (int i = 0; i < node_numbers; i += width<T>) {
     const Lanes<T> sums = load(nodes + i), mass = last_channel(sums);
     const Pack<T> velocity = free_velocity(Pack<T>(sums), T(1) / Pack<T>(mass), gain);
-    store(nodes + i, is_mass != T(0) ? sums : mass > T(0) ? velocity.v : Lanes<T>{});
+    store(nodes + i, is_mass != T(0) ? sums : mass >= least_node_mass<T> ? velocity.v : Lanes<T>{});
   }
 }
 

@@ -67,7 +67,7 @@ struct SumNodes {
   GRAUPEL_HD void add_node(int64_t entry, int32_t key, int inside, ContactImpulse* sums) const {
     const T* node = view.nodes + entry * channels;
     const T mass = node[3];
-    if (!(mass > T(0)) || !is_first_image(entry, key, inside)) return;
+    if (!(mass >= least_node_mass<T>) || !is_first_image(entry, key, inside)) return;
     const Vec<T, 3> x = node_position<D>(view.grid, key, inside);
     const Vec3d place = x.template cast<double>();
     const Vec<T, 3> before = free_velocity(Vec<T, 3>{node[0], node[1], node[2]}, T(1) / mass, dt * view.gravity);

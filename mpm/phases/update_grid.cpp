@@ -19,7 +19,7 @@ struct UpdateNode {
   GRAUPEL_HD void operator()(int64_t entry) const {
     T* node = view.nodes + entry * channels;
     const T mass = node[3];
-    if (!(mass > T(0))) {
+    if (!(mass >= least_node_mass<T>)) {
       for (int c = 0; c < 3; ++c) node[c] = T(0);
       return;
     }

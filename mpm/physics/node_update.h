@@ -2,6 +2,8 @@
 // walls hold.
 #pragma once
 
+#include <limits>
+
 #include "mpm/physics/contact.h"
 #include "mpm/physics/moving_contact.h"
 
@@ -67,6 +69,11 @@ GRAUPEL_HD inline Vec<T, 3> apply_obstacles(const SceneView<T>& scene, const Mov
   return surface != block_without_surface ? apply_fixed_obstacle(scene.obstacle_nodes, entry, v) : v;
 }
 
+/// Nodes with less are empty [kg]: the reciprocal of a smaller mass is no number. A spline's weight is that small where
+/// a particle's support just reaches a node, f^2 / 2 (quadratic) or f^3 / 6 (cubic) along each axis.
+template <typename T>
+inline constexpr T least_node_mass = std::numeric_limits<T>::min();
+
 /// Velocity of a node after gravity, before contact: p / m + dt g. `gain` is dt g.
 template <typename Velocity, typename S>
 GRAUPEL_HD inline Velocity free_velocity(const Velocity& momentum, const S& inverse_mass, const Velocity& gain) {
@@ -74,7 +81,7 @@ GRAUPEL_HD inline Velocity free_velocity(const Velocity& momentum, const S& inve
 }
 
 /// Velocity of node `inside` of the block with directory index `key`, which lies at x, from its momentum [kg m/s] and
-/// mass > 0.
+/// mass, least_node_mass or more.
 template <bool some_move, int D, typename T>
 GRAUPEL_HD inline Vec<T, 3> updated_velocity(const SceneView<T>& scene, const MovingObstacleView<T>& moving,
                                              int32_t key, int inside, const Vec<T, 3>& x, const Vec<T, 3>& momentum,

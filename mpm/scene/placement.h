@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "core/math/random.h"
 #include "core/scene/interval.h"
@@ -58,12 +59,17 @@ bool overlap(const Body& a, const Body& b);
 /// more than the way between two points, so that points at a spacing h decide for all within sqrt(3)/2 h.
 bool may_touch(const Body& a, const Body& b, double gap);
 
-/// Draws bodies until one fits.
+/// Draws bodies until one fits, 200 at most, and no more than `left`, which it counts down.
 template <typename Draw, typename Fits>
-bool place(Draw&& draw, Fits&& fits) {
-  for (int attempt = 0; attempt < 200; ++attempt)
+bool place(Draw&& draw, Fits&& fits, int64_t& left) {
+  for (int attempt = 0; attempt < 200 && left > 0; ++attempt, --left)
     if (fits(draw())) return true;
   return false;
+}
+template <typename Draw, typename Fits>
+bool place(Draw&& draw, Fits&& fits) {
+  int64_t any = std::numeric_limits<int64_t>::max();
+  return place(draw, fits, any);
 }
 
 }  // namespace graupel::mpm

@@ -24,7 +24,7 @@ Shape shape_named(const std::string& word, const char* key) {
                   key, word));
 }
 
-bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
+bool add_obstacles(const SceneRecipe& recipe, Draws& draws, int64_t& left, Scene& scene) {
   const RecipeObstacles& r = recipe.obstacles;
   for (int64_t i = 0; i < r.count; ++i) {
     Obstacle obstacle;
@@ -41,7 +41,7 @@ bool add_obstacles(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
       return std::none_of(scene.obstacles.begin(), scene.obstacles.end(),
                           [&](const Obstacle& other) { return overlap(o, other); });
     };
-    if (!place(draw, fits)) return false;
+    if (!place(draw, fits, left)) return false;
     scene.obstacles.push_back(obstacle);
   }
   return true;
@@ -78,7 +78,7 @@ void add_group(const RecipeGroups& recipe, const std::vector<std::string>& mater
   scene.sources.back().material = others[draws.integer(static_cast<uint32_t>(others.size()))];
 }
 
-bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
+bool add_groups(const SceneRecipe& recipe, Draws& draws, int64_t& left, Scene& scene) {
   const RecipeGroups& r = recipe.groups;
   std::vector<std::string> materials = r.materials;
   if (materials.empty())
@@ -104,7 +104,7 @@ bool add_groups(const SceneRecipe& recipe, Draws& draws, Scene& scene) {
       return std::none_of(scene.sources.begin(), scene.sources.end(),
                           [&](const Source& other) { return overlap(s, other); });
     };
-    if (!place(draw, fits)) return false;
+    if (!place(draw, fits, left)) return false;
     add_group(r, materials, source, draws, scene);
   }
   return true;
@@ -141,8 +141,10 @@ Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t 
     if (!recipe.materials.count(name))
       throw ConfigError("recipe key 'groups.materials' names '" + name + "', which 'materials' does not define");
   Draws draws(seed, stream_of(split, index, attempt));
-  // Early bodies can block the rest, so the whole layout is drawn anew when one does not fit.
-  for (int layout = 0; layout < 100; ++layout) {
+  // Early bodies can block the rest, so the whole layout is drawn anew when one does not fit. Of many bodies a draw
+  // takes milliseconds, since it is held against all before it: the end comes within a minute all the same.
+  int64_t left = 20000;
+  for (int layout = 0; layout < 100 && left > 0; ++layout) {
     Scene scene;
     scene.name = fmt::format("{}-{}-{:05d}", recipe.name, name_of(split), index);
     scene.domain = recipe.domain;
@@ -152,7 +154,7 @@ Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t 
     scene.frames = recipe.frames;
     scene.frame_time = recipe.frame_time;
     scene.seed = sampling_seed(seed, split, index, attempt);
-    if (add_obstacles(recipe, draws, scene) && add_groups(recipe, draws, scene)) return scene;
+    if (add_obstacles(recipe, draws, left, scene) && add_groups(recipe, draws, left, scene)) return scene;
   }
   throw ConfigError(fmt::format(
       "no room for {} obstacles of {}-{} m and {} groups of {} m in scene {} of '{}'. Use fewer or smaller bodies",

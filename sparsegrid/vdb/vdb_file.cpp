@@ -52,7 +52,8 @@ void check_size(const openvdb::GridBase& grid, const std::string& path) {
   const auto low = grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MIN);
   const auto high = grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MAX);
   bool fits = !voxels || (voxels->value() >= 0 && voxels->value() <= max_voxels);
-  for (int d = 0; d < 3 && low && high; ++d)
+  const bool is_empty = voxels && voxels->value() == 0;  // its box is turned inside out
+  for (int d = 0; d < 3 && low && high && !is_empty; ++d)
     fits =
         fits && std::abs(int64_t(low->value()[d])) <= max_extent && std::abs(int64_t(high->value()[d])) <= max_extent;
   if (!fits)

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/system/atomic_file.h"
+#include "io/mesh/mesh_file.h"
 #include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 
@@ -84,13 +85,52 @@ TEST_F(ExportVerb, FramesHoldWhatTheTrajectoryHolds) {
 }
 
 TEST_F(ExportVerb, SurfacesTakeTheirSizesFromTheScene) {
-  EXPECT_EQ(files_of("--surface --format obj --frames 0:1"), (Names{"run_water_0000.obj", "run_water_0001.obj"}));
-  const auto size = std::filesystem::file_size(folder_.file("out/run_water_0000.obj"));
+  EXPECT_EQ(files_of("--surface --format obj --frames 0:1"),
+            (Names{"run_surface_water_0000.obj", "run_surface_water_0001.obj"}));
+  const auto size = std::filesystem::file_size(folder_.file("out/run_surface_water_0000.obj"));
   files_of("--surface --format obj --frames 0:0 --voxel 0.015625");
-  EXPECT_LT(std::filesystem::file_size(folder_.file("out/run_water_0000.obj")), size / 3);
+  EXPECT_LT(std::filesystem::file_size(folder_.file("out/run_surface_water_0000.obj")), size / 3);
   const Outcome outcome = exported("--surface --format obj --voxel 1e-5");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_TRUE(outcome.says("--voxel 1e-05 is out of range (allowed: 0.00146484375 to 0.015625")) << outcome.output;
+}
+
+/// Two bodies of one size, one of many small particles: each surface keeps its body's volume.
+TEST_F(ExportVerb, EveryMaterialHasTheSizeOfItsOwnParticles) {
+  const std::string scene = folder_.write("two.json", R"({ "domain": { "dx": 0.03125 },
+    "materials": { "fine": { "preset": "jelly" }, "coarse": { "preset": "taichi_water" } },
+    "sources": [ { "shape": "box", "size": [0.2, 0.2, 0.2], "position": [0.3, 0.5, 0.5], "material": "fine",
+                   "particles_per_cell": 64 },
+                 { "shape": "box", "size": [0.2, 0.2, 0.2], "position": [0.7, 0.5, 0.5], "material": "coarse",
+                   "particles_per_cell": 4 } ], "frames": 0 })");
+  const std::string run = folder_.file("two.h5");
+  ASSERT_EQ(graupel("simulate " + scene + " -o " + run).exit_code, 0);
+  ASSERT_EQ(graupel("export " + run + " --surface -f obj -o " + folder_.file("two")).exit_code, 0);
+  for (const std::string body : {"jelly", "water"}) {
+    const TriangleMesh mesh = io::read_mesh(folder_.file("two/two_surface_" + body + "_0000.obj"));
+    double volume = 0;
+    for (const auto& [a, b, c] : mesh.triangles) {
+      const auto corner = [&](int32_t i) { return mesh.vertices[static_cast<std::size_t>(i)]; };
+      volume += dot(corner(a), cross(corner(b), corner(c))) / 6;
+    }
+    EXPECT_NEAR(volume / 0.008, 1, 0.06) << body;
+  }
+}
+
+TEST_F(ExportVerb, FilesWithoutParticlesAreRead) {
+  const std::string scene = folder_.write("late.json", R"({ "domain": { "dx": 0.03125 },
+    "materials": { "water": { "preset": "taichi_water" } }, "sources": [],
+    "emitters": [ { "shape": "box", "size": [0.1, 0.04, 0.1], "position": [0.5, 0.5, 0.5], "velocity": [0, -1, 0],
+                    "start_time": 0.01, "end_time": 0.02, "material": "water" } ], "frames": 1 })");
+  const std::string run = folder_.file("late.h5");
+  ASSERT_EQ(graupel("simulate " + scene + " -o " + run).exit_code, 0);
+  for (const std::string words : {"-f vdb", "--surface -f vdb"})
+    ASSERT_EQ(graupel("export " + run + " " + words + " -o " + folder_.file("late")).exit_code, 0);
+  const Names made = names_in(folder_.file("late"));
+  EXPECT_EQ(made,
+            (Names{"late_0000.vdb", "late_0001.vdb", "late_surface_water_0000.vdb", "late_surface_water_0001.vdb"}));
+  for (const std::string& name : made)
+    EXPECT_EQ(graupel("validate " + folder_.file("late/" + name)).exit_code, 0) << name;
 }
 
 TEST_F(ExportVerb, FormatsThatDoNotFitAreRefused) {

@@ -216,6 +216,7 @@ TEST(Evaluation, CostAndOneStepGroupsAreComplete) {
   EXPECT_NEAR(values.at("frame_ms"), 20, 1e-12);
   values["loses_to_coarse"] = 0;
   EXPECT_TRUE(missing_metrics(metric_list(), {MetricGroup::cost}, values).empty());
+  EXPECT_EQ(cost_values({}, 7, 0.05).count("speed_ratio"), 0u) << "a run without frames has no speed";
   OneStepError error;
   error.model = 2;
   error.variance = 4;

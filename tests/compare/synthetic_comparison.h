@@ -19,7 +19,8 @@ inline ModelResult synthetic_result(const std::string& model, const Scene& scene
   result.materials = evaluation.materials;
   result.curves = evaluation.curves;
   for (const MetricValues& more :
-       {one_step_values(OneStepError{}), cost_values(RunCost{}, run.size(), 0.01), floor_values(evaluation, evaluation),
+       {one_step_values(OneStepError{}), cost_values(RunCost{.frame = 0.001}, run.size(), 0.01),
+        floor_values(evaluation, evaluation),
         MetricValues{{"loses_to_coarse", 0},
                      {"ratio_position_mse_all", 0.5},
                      {"ratio_sinkhorn", 0.25},

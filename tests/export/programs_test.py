@@ -76,7 +76,7 @@ class Exported(unittest.TestCase):
 
     def exported(self, file_format, *options, folder=None):
         folder = self.file(folder or self.id().rsplit(".", 1)[1] + "_" + file_format)
-        self.graupel("export", self.run_file, "--format", file_format, "-o", folder, *options)
+        self.graupel("export", self.run_file, "--format", file_format, "-o", folder, "--name", "two", *options)
         return folder
 
 

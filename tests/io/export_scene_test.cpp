@@ -115,9 +115,9 @@ TEST(ExportScene, UsdaSurfacesOfMaterialsThatComeAndGoAreEmpty) {
   water.particle_type = {5, 5, 5};
   PointFrame both = three_points();
   const auto writer = make_surface_writer("usda", {.folder = folder.path(), .name = "run"});
-  writer->write(0, 0, surfaces_of(water, settings, "frame 0"));
-  writer->write(3, 0.5, surfaces_of(both, settings, "frame 3"));
-  writer->write(6, 1, surfaces_of(water, settings, "frame 6"));
+  writer->write(0, 0, surfaces_of(water, surface_bodies(water.particle_type, water.materials, settings), "frame 0"));
+  writer->write(3, 0.5, surfaces_of(both, surface_bodies(both.particle_type, both.materials, settings), "frame 3"));
+  writer->write(6, 1, surfaces_of(water, surface_bodies(water.particle_type, water.materials, settings), "frame 6"));
   writer->finish();
   const std::string text = bytes_of(folder.file("run.usda"));
   const std::string sand = text.substr(text.find("def Mesh \"sand\""));

@@ -120,12 +120,36 @@ TEST(Export, VolumeRatioIsWhatTheFieldsTell) {
   EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{0.9f, 8, 0.125f, 1}));
   frame.active = {0, 1, 0, 1};
   EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{8, 1}));
-  frame.fields[ParticleField::plastic].clear();
-  EXPECT_EQ(points_of(type, frame).volume_ratio, (std::vector<float>{8, 1})) << "no water is in the run";
   const TemporaryFolder folder;
   const auto writer = make_point_writer("vtp", {.folder = folder.path(), .name = "run"});
   writer->write(0, points_of(type, frame));
   EXPECT_EQ(vtk_array<float>(bytes_of(folder.file("run_0000.vtp")), "J"), (std::vector<float>{8, 1}));
+  frame.fields[ParticleField::plastic].clear();
+  EXPECT_FALSE(points_of(type, frame).has_volume_ratio()) << "in no frame, as in those with water";
+}
+
+/// Sequences have the same attributes in all frames.
+TEST(Export, FramesWithoutParticlesHaveAllAttributes) {
+  ParticleFrame frame = sample_frame(4, 0);
+  frame.fields[ParticleField::plastic] = {1, 1, 1, 1};
+  frame.active = {0, 0, 0, 0};
+  const PointFrame none = points_of({5, 5, 5, 3}, frame);
+  EXPECT_TRUE(none.position.empty() && none.has_velocity() && none.has_volume_ratio());
+  const TemporaryFolder folder;
+  const auto write = [&](const std::string& format, const std::string& file) {
+    const auto writer = make_point_writer(format, {.folder = folder.path(), .name = "run"});
+    writer->write(0, none);
+    writer->finish();
+    return bytes_of(folder.file(file));
+  };
+  const auto expect = [](const std::string& bytes, const std::vector<std::string>& words) {
+    for (const std::string& word : words) EXPECT_NE(bytes.find(word), std::string::npos) << word;
+  };
+  expect(write("vtp", "run_0000.vtp"), {"Name=\"velocity\"", "Name=\"J\""});
+  expect(write("ply", "run_0000.ply"), {"property float vx", "property float J"});
+  expect(write("bgeo", "run_0000.bgeo"), {std::string("\0\1v\0\3", 5), std::string("\0\1J\0\1", 5)});
+  expect(write("usda", "run.usda"), {"velocities.timeSamples", "primvars:J.timeSamples"});
+  write("vdb", "run_0000.vdb");
 }
 
 TEST(Export, PointsHaveTheMaterialWhereItIsStored) {

@@ -41,6 +41,9 @@ TEST(RecipeReader, RefusesNoMaterialAndSizesOutOfOrder) {
   const auto sizes =
       folder.write("sizes.json", "{" + water + ", \"obstacles\": { \"min_size\": 0.4, \"max_size\": 0.2 } }");
   expect_error<ConfigError>([&] { read_recipe(sizes); }, {"/obstacles/max_size", "min_size (0.4)"});
+  const auto wide = folder.write("wide.json", "{" + water + ", \"groups\": { \"size\": 5 } }");
+  expect_error<ConfigError>([&] { read_recipe(wide); },
+                            {"/groups/size", "too large for the room inside the walls (5 m"});
   const auto plane = folder.write("plane.json", "{" + water + ", \"domain\": { \"dimensions\": 2 } }");
   expect_error<ConfigError>([&] { read_recipe(plane); }, {"/domain/dimensions", "must be 3"});
   expect_error<InputError>([&] { read_recipe(folder.file("absent.json")); }, {"absent.json"});

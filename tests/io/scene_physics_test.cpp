@@ -215,6 +215,8 @@ TEST(ScenePhysics, LoadsAndGravityThatCannotBe) {
 
 TEST(ScenePhysics, ScriptsThatCannotBe) {
   fails(R"("end_time": 0.2)", R"("end_time": 0.05)", {"/sources/0/motion", "ends before it starts"});
+  fails(R"("motion": {"velocity": [0, 0.1, 0], "start_time": 0.1, "end_time": 0.2}, "release_time")",
+        R"("release_time")", {"/sources/0/release_time", "no effect without 'motion'"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 3, "angle": 90})", {"/obstacles/0/motion", "out of order", "key 1"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 0, "angle": 90})", {"/obstacles/0/motion/keyframes/0/time", "> 0"});
   fails(R"("axis": [0, 0, 1])", R"("axis": [0, 0, 0])", {"/obstacles/0/motion", "no axis"});

@@ -208,16 +208,18 @@ class SurfaceFiles : public testing::Test {
  protected:
   void write(const std::string& format) {
     const auto writer = make_surface_writer(format, {.folder = folder_.path(), .name = "run", .frame_time = 0.1});
-    for (const int64_t frame : {0, 5})
-      writer->write(frame, points_.time, surfaces_of(points_, default_surface_settings(spacing), "frame 5"));
+    for (const int64_t frame : {0, 5}) writer->write(frame, points_.time, surfaces_of(points_, bodies(), "frame 5"));
     writer->finish();
+  }
+  std::vector<SurfaceBody> bodies() const {
+    return surface_bodies(points_.particle_type, points_.materials, default_surface_settings(spacing));
   }
   TemporaryFolder folder_;
   PointFrame points_ = two_blocks();
 };
 
 TEST_F(SurfaceFiles, AreOneAMaterialWithItsParticlesAlone) {
-  const auto surfaces = surfaces_of(points_, default_surface_settings(spacing), "frame 0");
+  const auto surfaces = surfaces_of(points_, bodies(), "frame 0");
   ASSERT_EQ(surfaces.size(), 2u);
   EXPECT_EQ(surfaces[0].material, "water");
   EXPECT_EQ(surfaces[1].material, "sand");
@@ -228,8 +230,25 @@ TEST_F(SurfaceFiles, AreOneAMaterialWithItsParticlesAlone) {
   }
 }
 
+/// Sequences have a file of every material in all frames.
+TEST_F(SurfaceFiles, ABodyWithoutParticlesHasASurfaceWithoutTriangles) {
+  std::vector<SurfaceBody> all = bodies();
+  all.push_back({8, std::nullopt, default_surface_settings(spacing)});
+  for (const std::string& format : surface_formats()) {
+    const auto writer = make_surface_writer(format, {.folder = folder_.path(), .name = "run"});
+    const std::vector<MaterialSurface> surfaces = surfaces_of(points_, all, "frame 0");
+    ASSERT_EQ(surfaces.size(), 3u);
+    EXPECT_TRUE(surfaces[2].material == "snow" && surfaces[2].surface.mesh().triangles.empty());
+    writer->write(0, points_.time, surfaces);
+    writer->finish();
+    if (format != "usda") {
+      EXPECT_TRUE(std::filesystem::exists(folder_.file("run_snow_0000." + format))) << format;
+    }
+  }
+}
+
 TEST_F(SurfaceFiles, MeshesReadBack) {
-  const SurfaceMesh water = surfaces_of(points_, default_surface_settings(spacing), "")[0].surface.mesh();
+  const SurfaceMesh water = surfaces_of(points_, bodies(), "")[0].surface.mesh();
   for (const std::string ending : {"obj", "ply"}) {
     write(ending);
     const TriangleMesh mesh = read_mesh(folder_.file("run_water_0005." + ending));
@@ -280,7 +299,7 @@ class SurfacesOfTwoSands : public SurfaceFiles {
 };
 
 TEST_F(SurfacesOfTwoSands, AreTwoNamedByTheScene) {
-  const auto surfaces = surfaces_of(points_, default_surface_settings(spacing), "frame 0");
+  const auto surfaces = surfaces_of(points_, bodies(), "frame 0");
   ASSERT_EQ(surfaces.size(), 2u);
   EXPECT_EQ(surfaces[0].material, "wet_sand");
   EXPECT_EQ(surfaces[1].material, "wet_sand_2") << "names of files differ";
@@ -290,8 +309,7 @@ TEST_F(SurfacesOfTwoSands, AreTwoNamedByTheScene) {
 }
 
 TEST_F(SurfacesOfTwoSands, HaveFilesOfTheirOwnInEveryFormat) {
-  const std::size_t corners =
-      surfaces_of(points_, default_surface_settings(spacing), "")[0].surface.mesh().position.size();
+  const std::size_t corners = surfaces_of(points_, bodies(), "")[0].surface.mesh().position.size();
   for (const std::string& format : surface_formats()) {
     write(format);
     if (format == "usda") continue;
@@ -312,7 +330,7 @@ TEST_F(SurfacesOfTwoSands, HaveFilesOfTheirOwnInEveryFormat) {
 
 TEST_F(SurfacesOfTwoSands, NamesOfFilesDoNotLeaveTheFolder) {
   points_.materials.names = {"", "../../etc/passwd", std::string(500, '.') + "\n"};
-  const auto surfaces = surfaces_of(points_, default_surface_settings(spacing), "frame 0");
+  const auto surfaces = surfaces_of(points_, bodies(), "frame 0");
   EXPECT_EQ(surfaces[0].material, "______etc_passwd");
   EXPECT_EQ(surfaces[1].material, std::string(60, '_'));
 }

@@ -70,7 +70,8 @@ int main(int argc, char** argv) {
                  no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
     // libtorch's own error, where it cannot have the memory of a tensor.
-    const bool no_memory = std::strstr(error.what(), "not enough memory") != nullptr;
+    const bool no_memory = std::strstr(error.what(), "not enough memory") != nullptr ||
+                           std::strstr(error.what(), "can't allocate memory") != nullptr;
     std::fprintf(stderr, "graupel-train: %s%s\n", no_memory ? "out of memory. " : error.what(),
                  no_memory ? less_memory : "");
   }

@@ -1,12 +1,17 @@
 #include "train/loop/checkpoint.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/unfinished_file.h"
 #include "train/loop/crc32c.h"
 
 namespace graupel::train {
@@ -47,12 +52,40 @@ void at_fields(State& state, const Use& use) {
   use("best_step", state.best_step);
 }
 
+std::string file_of(const std::string& folder, const std::string& array) {
+  return folder + "/" + array + ".safetensors";
+}
+
+/// A folder whose files are removed with it, without any memory, unless it is kept.
+class UnfinishedFolder {
+ public:
+  UnfinishedFolder(std::string path, const Checkpoint& checkpoint) : path_(std::move(path)) {
+    for (const auto& [name, weights] : checkpoint.arrays)
+      files_.push_back(std::make_unique<UnfinishedFile>(file_of(path_, name)));
+    files_.push_back(std::make_unique<UnfinishedFile>(path_ + "/state.json"));
+  }
+  ~UnfinishedFolder() {
+    files_.clear();
+    ::rmdir(path_.c_str());
+  }
+  UnfinishedFolder(const UnfinishedFolder&) = delete;
+  UnfinishedFolder& operator=(const UnfinishedFolder&) = delete;
+  /// It has another name now.
+  void keep() {
+    for (const auto& file : files_) file->keep();
+  }
+
+ private:
+  std::string path_;
+  std::vector<std::unique_ptr<UnfinishedFile>> files_;
+};
+
 void fill(const std::string& folder, const Checkpoint& checkpoint) {
   make_folder(folder);
   Json json;
   at_fields(checkpoint.state, [&](const char* key, const auto& value) { json[key] = value; });
   for (const auto& [name, weights] : checkpoint.arrays) {
-    const std::string file = folder + "/" + name + ".safetensors";
+    const std::string file = file_of(folder, name);
     nn::write_safetensors(file, weights);
     json["crc32c"][name] = crc32c(read_file(file));
   }
@@ -64,14 +97,11 @@ void fill(const std::string& folder, const Checkpoint& checkpoint) {
 void write_checkpoint(const std::string& folder, const Checkpoint& checkpoint) {
   const std::string path = folder + "/" + folder_name(checkpoint.state.step), part = path + ".part";
   remove_path(part);  // left by a kill
-  try {
-    fill(part, checkpoint);
-    remove_path(path);  // a damaged one of the same step
-    finish_part_file(path);
-  } catch (...) {
-    remove_path(part);
-    throw;
-  }
+  UnfinishedFolder unfinished(part, checkpoint);
+  fill(part, checkpoint);
+  remove_path(path);  // a damaged one of the same step
+  finish_part_file(path);
+  unfinished.keep();
 }
 
 Checkpoint read_checkpoint(const std::string& path) {
@@ -80,7 +110,7 @@ Checkpoint read_checkpoint(const std::string& path) {
     const Json json = Json::parse(read_file(path + "/state.json"));
     at_fields(checkpoint.state, [&](const char* key, auto& value) { json.at(key).get_to(value); });
     for (const auto& [name, sum] : json.at("crc32c").items()) {
-      const std::string file = path + "/" + name + ".safetensors";
+      const std::string file = file_of(path, name);
       if (crc32c(read_file(file)) != sum.get<uint32_t>())
         throw InputError("'" + file + "' is damaged (its checksum is not the recorded one)");
       checkpoint.arrays[name] = nn::read_safetensors(file);

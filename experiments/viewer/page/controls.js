@@ -3,10 +3,11 @@ import { facts as getFacts, status as getStatus, command, Run, absent } from './
 import { Camera } from './camera.js';
 import { Renderer } from './drawing.js';
 import { gradient, roundUp, short } from './colors.js';
+import { connectPointer } from './pointer.js';
 
 const root = document.documentElement, byId = (id) => document.getElementById(id);
 const canvas = byId('canvas');
-const state = { time: 0, playing: false, rate: 1, coloring: 'material', slice: 'off', scale: { speed: 0, error: 0 }, still: true };
+const state = { time: 0, playing: false, rate: 1, coloring: 'material', slice: 'off', refused: '', scale: { speed: 0, error: 0 }, still: true };
 const framesAhead = 12;
 let runs = [], renderer, camera, drawQueued = false, lastTick = 0, stillTimer = 0, drawMilliseconds = 0, pictureCount = 0;
 
@@ -22,13 +23,23 @@ window.addEventListener('error', (e) => fail(e.error || e));
 window.addEventListener('unhandledrejection', (e) => fail(e.reason));
 
 // ---- time ---------------------------------------------------------------------------------------------------------
-/** The side with most frames sets the steps of time. */
-const leader = () => runs.reduce((a, b) => (b.facts.times.length > a.facts.times.length ? b : a));
-const lastTime = () => { const run = leader(); return run.facts.times[Math.max(0, run.ready - 1)]; };
+/** Times of two runs that are one. */
+const sameTime = 1e-6;
+const endOf = (run) => run.facts.times[Math.max(0, run.ready - 1)];
+/** The side that ends last, or has most frames, sets the steps of time. */
+const leader = () => runs.reduce((a, b) => {
+  const later = b.facts.times.at(-1) - a.facts.times.at(-1);
+  return later > sameTime || (later > -sameTime && b.facts.times.length > a.facts.times.length) ? b : a;
+});
+/** Of runs that go on, what is there. */
+const lastTime = () => Math.min(Math.max(...runs.map(endOf)), ...runs.filter((run) => run.facts.live && goesOn(run)).map(endOf));
+/** Whether a run has a frame at the time shown, or one before and one after it. */
+const covers = (run) => state.time <= endOf(run) + sameTime;
 function setTime(time) {
   state.time = Math.max(0, Math.min(lastTime(), time));
   for (const run of runs) {
     const { k, next } = run.place(state.time), wanted = [k, next];
+    if (k === next && k > 0) wanted.push(k - 1);  // for the speed
     for (let ahead = 1; state.playing && ahead <= framesAhead && next + ahead < run.ready; ++ahead) wanted.push(next + ahead);
     run.want(wanted);
     run.trim(runs.length, (frame) => renderer.release(frame));
@@ -92,6 +103,7 @@ function layout() {
   return canvas.clientWidth > canvas.clientHeight * 0.9 ? [[0, 0, 0.5, 1], [0.5, 0, 0.5, 1]] : [[0, 0.5, 1, 0.5], [0, 0, 1, 0.5]];
 }
 const errorPossible = () => runs.length === 2 && runs[0].types.length === runs[1].types.length;
+const errorShown = () => errorPossible() && runs.every(covers);
 function slicePlane() {
   if (state.slice === 'off') {
     const plane = camera.flat ? runs[0].facts.plane : null;
@@ -107,7 +119,7 @@ function slicePlane() {
 function panelOf(side, places) {
   const run = runs[side], own = places[side], rival = places[1 - side];
   const coloring = ['material', 'speed', 'error'].indexOf(state.coloring), zero = [0, 0, 0];
-  const withOther = coloring === 2 && own && rival, other = withOther ? rival.pair : null;
+  const withOther = coloring === 2 && own && rival && errorShown(), other = withOther ? rival.pair : null;
   const [x, y, width, height] = layout()[side];
   return {
     side, x, y, width, height, pair: own && own.pair, other,
@@ -139,6 +151,7 @@ function draw() {
 /** Values of the colouring of some particles: speeds [m/s] or errors [m]. */
 function sampledValues() {
   const places = runs.map((run) => pairAt(run, state.time)), values = [];
+  if (state.coloring === 'error' && !errorShown()) return values;
   const x = (place, which, i, d) => place.pair[which].low[d] + place.pair[which].step[d] * place.pair[which].positions[3 * i + d];
   const at = (place, i, d) => x(place, 0, i, d) + place.blend * (x(place, 1, i, d) - x(place, 0, i, d));
   const missing = (place, i) => place.pair.some((frame) => frame.positions[3 * i] === absent);
@@ -171,7 +184,8 @@ function describe(places) {
     const [x, y, width, height] = box[side], label = byId(`label-${side}`), own = places[side];
     Object.assign(label.style, { left: `${100 * x}%`, top: `${100 * (1 - y - height)}%`, maxWidth: `${100 * width}%` });
     const lines = [`${one.types.length.toLocaleString('en')} particles` + (one.facts.made_by ? `, by ${one.facts.made_by.replace(/.*\//, '')}` : '')];
-    const warnings = [one.facts.note, one.problem, own && own.pair[0].leftOut ? `${own.pair[0].leftOut} particles are far outside and not drawn` : ''];
+    const warnings = [one.facts.note, one.problem, one.state === 'failed' ? one.said : '', covers(one) ? '' : `ends at ${endOf(one).toFixed(2)} s`,
+      own && own.pair[0].leftOut ? `${own.pair[0].leftOut} particles are far outside and not drawn` : ''];
     label.replaceChildren(one.facts.name, ...lines.map((t) => small(t)), ...warnings.filter(Boolean).map((t) => small(t, 'warn')));
   });
   describeLegend(places);
@@ -251,7 +265,7 @@ function connectControls() {
   byId('reset').onclick = () => { camera.reset(); redraw(); };
   byId('save').onclick = savePicture;
   byId('settings').onclick = (e) => e.currentTarget.setAttribute('aria-expanded', byId('panel').classList.toggle('open'));
-  byId('live-play').onclick = () => commandAll(runs.some((run) => run.state === 'running') ? 'pause' : 'play');
+  byId('live-play').onclick = () => commandAll(isRunning() ? 'pause' : 'play');
   byId('live-restart').onclick = () => commandAll('restart');
   const keys = {
     ' ': () => play(!state.playing), ArrowLeft: (e) => stepFrames(e.shiftKey ? -10 : -1), ArrowRight: (e) => stepFrames(e.shiftKey ? 10 : 1),
@@ -265,46 +279,19 @@ function connectControls() {
     key(e);
   });
   window.addEventListener('resize', redraw);
-  connectPointer();
+  connectPointer(canvas, () => ({ camera, panel: layout()[0] }), { redraw, reset: () => byId('reset').click() });
 }
-function connectPointer() {
-  const pointers = new Map();
-  const spread = () => { const [a, b] = [...pointers.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
-  canvas.addEventListener('pointerdown', (e) => {
-    canvas.setPointerCapture(e.pointerId);
-    canvas.focus({ preventScroll: true });
-    pointers.set(e.pointerId, { x: e.clientX, y: e.clientY });
-  });
-  for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, (e) => pointers.delete(e.pointerId));
-  canvas.addEventListener('pointermove', (e) => {
-    const from = pointers.get(e.pointerId);
-    if (!from) return;
-    const before = pointers.size === 2 ? spread() : 0, x = e.clientX - from.x, y = e.clientY - from.y;
-    pointers.set(e.pointerId, { x: e.clientX, y: e.clientY });
-    const [, , width, height] = layout()[0], h = height * canvas.clientHeight, aspect = width * canvas.clientWidth / h;
-    if (pointers.size === 2) {
-      camera.scale(before / spread());
-      camera.pan(x / 2, y / 2, h, aspect);
-    } else if (e.shiftKey || e.buttons === 2 || e.buttons === 4 || camera.flat) camera.pan(x, y, h, aspect);
-    else camera.orbit(x, y);
-    redraw();
-  });
-  canvas.addEventListener('contextmenu', (e) => e.preventDefault());
-  canvas.addEventListener('dblclick', () => byId('reset').click());
-  canvas.addEventListener('wheel', (e) => {
-    e.preventDefault();
-    camera.scale(Math.exp(0.0012 * e.deltaY));
-    redraw();
-  }, { passive: false });
-}
-
 // ---- runs that are computed now -----------------------------------------------------------------------------------
+const isRunning = () => runs.some((run) => run.state === 'running');
+const goesOn = (run) => run.state === 'running' || run.state === 'paused';
 async function commandAll(word) {
-  try {
-    for (const run of runs) if (run.facts.live) await command(run.side, word);
-  } catch (error) {
-    byId('live-text').textContent = error.message;
-    return;
+  state.refused = '';
+  for (const run of runs.filter((one) => one.facts.live && (word === 'restart' || goesOn(one)))) {
+    try {
+      await command(run.side, word);
+    } catch (error) {
+      state.refused = error.message;  // until the next command
+    }
   }
   await poll();
 }
@@ -314,17 +301,20 @@ async function poll() {
   all.forEach((one, side) => {
     const run = runs[side], atEnd = run.facts.live && state.time >= lastTime() - 1e-9 && run === leader();
     if (one.run !== run.facts.run) return;
-    run.state = one.state;
+    if (run.state !== one.state) redraw();
+    Object.assign(run, { state: one.state, said: one.message });
     if (one.frames === run.ready) return;
     run.ready = one.frames;
     setTime(atEnd && !state.playing && state.follow ? lastTime() : state.time);
   });
-  const live = runs.find((run) => run.facts.live);
-  if (!live) return;
-  const one = all[live.side], seconds = one.frame_seconds;
-  byId('live-play').textContent = one.state === 'paused' ? 'Go on' : 'Pause';
-  byId('live-play').disabled = one.state !== 'running' && one.state !== 'paused';
-  byId('live-text').textContent = one.message || `${one.state}: ${one.frames - 1} of ${live.facts.times.length - 1} frames` +
+  const live = runs.filter((run) => run.facts.live);
+  if (!live.length) return;
+  byId('live-play').textContent = !isRunning() && live.some(goesOn) ? 'Go on' : 'Pause';
+  byId('live-play').disabled = !live.some(goesOn);
+  byId('live-text').textContent = state.refused || live.map((run) => progressOf(run, all[run.side])).join('; ');
+}
+function progressOf(run, { state: word, message, frames, frame_seconds: seconds }) {
+  return message || `${word}: ${frames - 1} of ${run.facts.times.length - 1} frames` +
     (seconds ? `, ${seconds < 1 ? `${(1000 * seconds).toFixed(0)} ms` : `${seconds.toFixed(1)} s`} a frame` : '');
 }
 async function pollForever() {
@@ -355,6 +345,7 @@ async function loadRuns() {
   byId('coloring').children[2].disabled = !errorPossible();
   byId('coloring-hint').textContent = runs.length < 2 ? 'Error needs a second file: graupel view A B.' :
     errorPossible() ? '' : `No error is shown: ${all[0].name} has ${all[0].particles} particles, ${all[1].name} ${all[1].particles}. It needs the same particles.`;
+  if (state.coloring === 'error' && !errorPossible()) setColoring('material');
   document.title = `${all.map((f) => f.name).join(' | ')} - Graupel`;
   state.follow = all.some((f) => f.live);
   if (old) state.time = 0;

@@ -47,7 +47,7 @@ struct NodeHalo {
 /// Velocity and mass of a node from the sum of the arenas.
 GRAUPEL_HD inline NodeSum moved_node(const SceneView<float>& scene, int32_t key, int inside, const NodeSum& sum,
                                      float dt) {
-  if (!(sum.v[3] > 0)) return {};
+  if (!(sum.v[3] >= least_node_mass<float>)) return {};
   const Vec<float, 3> v = updated_velocity<false, 3>(scene, {}, key, inside, node_position<3>(scene.grid, key, inside),
                                                      Vec<float, 3>{sum.v[0], sum.v[1], sum.v[2]}, sum.v[3], dt);
   return {{v[0], v[1], v[2], sum.v[3]}};

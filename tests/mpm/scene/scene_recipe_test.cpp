@@ -11,6 +11,7 @@
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/sampling.h"
+#include "mpm/scene/placement.h"
 #include "sparsegrid/analytic_shape.h"
 
 namespace graupel::mpm {
@@ -108,6 +109,23 @@ TEST(SceneRecipe, ASeedGivesOneScene) {
   EXPECT_EQ(text(4, 0), text(4, 0));
   EXPECT_NE(text(4, 0), text(5, 0));
   EXPECT_NE(text(4, 0), text(4, 1));
+}
+
+TEST(SceneRecipe, DrawsAreCounted) {
+  int64_t left = 450;
+  int drawn = 0;
+  const auto draw = [&] { return ++drawn; };
+  EXPECT_TRUE(place(
+      draw, [](int number) { return number == 50; }, left));
+  EXPECT_EQ(left, 401);
+  EXPECT_FALSE(place(
+      draw, [](int) { return false; }, left));
+  EXPECT_EQ(left, 201) << "200 draws a body";
+  EXPECT_FALSE(place(
+      draw, [](int) { return false; }, left));
+  EXPECT_FALSE(place(
+      draw, [](int) { return false; }, left));
+  EXPECT_TRUE(left == 0 && drawn == 451) << drawn;
 }
 
 TEST(SceneRecipe, RefusesToMixWhatCannotBeMixed) {
