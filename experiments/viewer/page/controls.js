@@ -203,7 +203,8 @@ let legendKey = '';
 function describeLegend(places) {
   const mean = state.coloring === 'error' && state.still && places.every(Boolean) ? sampledValues() : [];
   const meanText = mean.length ? `, mean ${short(mean.reduce((a, b) => a + b, 0) / mean.length)} m` : '';
-  const key = `${state.coloring} ${state.scale[state.coloring]} ${meanText} ${runs.map((run) => run.facts.run)}`;
+  const none = state.coloring === 'error' && !errorShown();
+  const key = `${state.coloring} ${state.scale[state.coloring]} ${meanText} ${none} ${runs.map((run) => run.facts.run)}`;
   if (key === legendKey) return;
   legendKey = key;
   const legend = byId('legend'), row = (html, kind = '') => `<div class="${kind}">${html}</div>`;
@@ -214,6 +215,10 @@ function describeLegend(places) {
       legend.children[i].firstChild.style.background = `rgb(${m.color})`;
       legend.children[i].lastChild.textContent = m.name;
     });
+    return;
+  }
+  if (none) {
+    legend.innerHTML = row('No error: one run has ended before');
     return;
   }
   const most = state.scale[state.coloring], unit = state.coloring === 'speed' ? 'm/s' : 'm';
