@@ -146,7 +146,8 @@ TEST(RestartOfTwoSands, KeepsTheirMaterials) {
     ASSERT_EQ(a.materials.index[i], a.frames[0].position[i][0] < 0.5f ? 0 : 1) << i;
   outcome = graupel("export " + out + " --surface --format obj --frames 9 -o " + folder.file("obj"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
-  EXPECT_EQ(names_in(folder.file("obj")), (std::vector<std::string>{"a_dry_sand_0009.obj", "a_wet_0009.obj"}));
+  EXPECT_EQ(names_in(folder.file("obj")),
+            (std::vector<std::string>{"a_surface_dry_sand_0009.obj", "a_surface_wet_0009.obj"}));
 }
 
 TEST(RestartAfter, AKillBetweenSaves) {
