@@ -57,7 +57,7 @@ def try_program(debian, package):
     debian.run("cd /tmp && graupel rollout /usr/share/graupel/models/hgn.safetensors "
                "/usr/share/graupel/scenes/shared/water_steps.json -o predicted.h5 --frames 4")
     debian.run("cd /tmp && graupel export steps.h5 --surface --format usda --frames 3")
-    assert os.path.getsize(glob.glob(os.path.join(debian.folder, "tmp/steps_usda/*.usda"))[0]) > 10000
+    assert os.path.getsize(glob.glob(os.path.join(debian.folder, "tmp/steps_surface_usda/*.usda"))[0]) > 10000
     print("graupel: installed, simulates, predicts, exports")
 
 
