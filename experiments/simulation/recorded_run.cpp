@@ -169,10 +169,10 @@ void RecordedRun::report() const {
   if (s.loads_without_carriers > 0)
     warn(fmt::format("{} of {} loads began where there was no matter that can move, and did nothing",
                      s.loads_without_carriers, scene_.loads.size()));
-  if (s.born == 0 && !scene_.emitters.empty() && first_birth(scene_.emitters) > 0)
-    warn(fmt::format(
-        "the emitters sent out no particle: the first would have come at {:g} s, and the run ends at {:g} s",
-        first_birth(scene_.emitters), static_cast<double>(scene_.frames) * scene_.frame_time));
+  const double end = static_cast<double>(scene_.frames) * scene_.frame_time;
+  if (!scene_.emitters.empty() && first_birth(scene_.emitters) >= end)
+    warn(fmt::format("the emitters sent out no particle: the first comes at {:g} s, and the run ends at {:g} s",
+                     first_birth(scene_.emitters), end));
   if (s.removed == 0 && !scene_.sinks.empty()) warn("no particle reached a sink");
   nlohmann::ordered_json result = {
       {"output", output()},

@@ -40,7 +40,7 @@ TEST(Simulate, WarnsOfEmittersAndSinksThatDoNothing) {
     "sinks": [ { "shape": "box", "size": [0.1, 0.1, 0.1], "position": [5, 5, 5] } ])"));
   const Outcome idle = graupel("simulate " + scene + " --frames 1 -o " + folder.file("a.h5"));
   EXPECT_EQ(idle.exit_code, 0) << idle.output;
-  EXPECT_TRUE(idle.says("the emitters sent out no particle: the first would have come at 7 s")) << idle.output;
+  EXPECT_TRUE(idle.says("the emitters sent out no particle: the first comes at 7 s")) << idle.output;
   EXPECT_TRUE(idle.says("no particle reached a sink")) << idle.output;
   const Outcome busy = graupel("simulate " + scene +
                                " --set emitters.0.start_time=0 --set sinks.0.position=[0.5,0.5,0.5] "
