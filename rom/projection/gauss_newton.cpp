@@ -37,10 +37,12 @@ struct Weighing {
 
 void SampleField::normal_equations(const std::vector<double>& weight, const Eigen::VectorXd& residual,
                                    Eigen::MatrixXd& normal, Eigen::VectorXd& right) const {
+  normal.setZero(jacobian_.cols(), jacobian_.cols());
+  right.setZero(jacobian_.cols());
+  if (jacobian_.rows() == 0) return;  // of which Eigen would take the first number
   Eigen::MatrixXd weighted = jacobian_;
   for (std::size_t s = 0; s < weight.size(); ++s) weighted.middleRows(3 * static_cast<Eigen::Index>(s), 3) *= weight[s];
   // Half of the symmetric product, which Eigen does not share between threads: these would take longer to meet.
-  normal.setZero(jacobian_.cols(), jacobian_.cols());
   normal.triangularView<Eigen::Lower>() = weighted.transpose() * jacobian_;
   normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
   right.noalias() = weighted.transpose() * residual;
