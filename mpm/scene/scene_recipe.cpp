@@ -142,7 +142,7 @@ Scene draw_scene(const SceneRecipe& recipe, uint64_t seed, Split split, int64_t 
       throw ConfigError("recipe key 'groups.materials' names '" + name + "', which 'materials' does not define");
   Draws draws(seed, stream_of(split, index, attempt));
   // Early bodies can block the rest, so the whole layout is drawn anew when one does not fit. Of many bodies a draw
-  // takes milliseconds, since it is held against all before it: the end comes within a minute all the same.
+  // takes milliseconds, since it is held against all before it: the end comes in a minute or two all the same.
   int64_t left = 20000;
   for (int layout = 0; layout < 100 && left > 0; ++layout) {
     Scene scene;
