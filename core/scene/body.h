@@ -59,9 +59,10 @@ struct Body {
   Vec3d to_local(const Vec3d& world) const { return transpose(rotation()) * (world - position); }
   Vec3d to_world(const Vec3d& local) const { return rotation() * local + position; }
 
+  /// `shapes` are those that Self may have, space-separated.
   template <typename Self, typename Visitor>
-  static void body_fields(Visitor&& visit) {
-    visit(&Self::shape, FieldInfo{"shape", "", "Kind of body"}.mandatory());
+  static void body_fields(Visitor&& visit, std::string_view shapes) {
+    visit(&Self::shape, FieldInfo{"shape", "", "Kind of body"}.mandatory().offering(shapes));
     visit(&Self::size,
           FieldInfo{"size", "m", "Edge lengths (pyramid: x and z of the base)", Range::positive()}.mandatory().only_in(
               "box half_box pyramid"));

@@ -34,7 +34,7 @@ struct Emitter : Body {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using E = Emitter;
-    Body::body_fields<E>(visit);
+    Body::body_fields<E>(visit, "box half_box sphere half_sphere cone pyramid cylinder mesh");
     visit(&E::emission, FieldInfo{"emission", "", "How the material appears"});
     visit(&E::material, FieldInfo{"material", "", "Key of the scene's materials"}.mandatory());
     visit(&E::particles_per_cell,

@@ -42,9 +42,17 @@ struct FieldInfo {
   Range range = {};
   bool required = false;           ///< no default: the reader insists on it (for the kinds it applies to)
   std::string_view only_for = {};  ///< space-separated words of the struct's kind field ("shape", "model"); "" = all
+  /// Space-separated: what messages, docs and schema offer of an enum's words or for a text; "" = all. A check of the
+  /// struct says why it refuses another word of the enum.
+  std::string_view offered = {};
 
-  constexpr FieldInfo mandatory() const { return {name, unit, meaning, range, true, only_for}; }
-  constexpr FieldInfo only_in(std::string_view kinds) const { return {name, unit, meaning, range, required, kinds}; }
+  constexpr FieldInfo mandatory() const { return {name, unit, meaning, range, true, only_for, offered}; }
+  constexpr FieldInfo only_in(std::string_view kinds) const {
+    return {name, unit, meaning, range, required, kinds, offered};
+  }
+  constexpr FieldInfo offering(std::string_view words) const {
+    return {name, unit, meaning, range, required, only_for, words};
+  }
 };
 
 /// Specialise with `static constexpr std::pair<const char*, E> words[]` for every enum used in a config, or declare

@@ -10,6 +10,9 @@
 
 namespace graupel {
 
+/// Of each component [m/s^2].
+inline constexpr Range gravity_range = Range::between(-1e6, 1e6);
+
 struct GravityKey {
   double time = 0;            ///< [s]
   Vec3d gravity = {0, 0, 0};  ///< [m/s^2]
@@ -19,7 +22,7 @@ struct GravityKey {
     using K = GravityKey;
     visit(&K::time,
           FieldInfo{"time", "s", "Time of the value, above that of the key before it", Range::positive()}.mandatory());
-    visit(&K::gravity, FieldInfo{"gravity", "m/s^2", "Gravity then"}.mandatory());
+    visit(&K::gravity, FieldInfo{"gravity", "m/s^2", "Gravity then", gravity_range}.mandatory());
   }
 };
 

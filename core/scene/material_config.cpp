@@ -161,6 +161,15 @@ const std::vector<std::string>& material_preset_names() {
   return names;
 }
 
+const std::string& material_preset_words() {
+  static const std::string words = [] {
+    std::string w;
+    for (const auto& name : material_preset_names()) w += (w.empty() ? "" : " ") + name;
+    return w;
+  }();
+  return words;
+}
+
 namespace {
 
 struct ParticleType {

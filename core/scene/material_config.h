@@ -82,6 +82,9 @@ struct EnumWords<VolumeCorrection> {
       {"klar", VolumeCorrection::klar}, {"taichi", VolumeCorrection::taichi}, {"none", VolumeCorrection::none}};
 };
 
+/// The names of all presets with spaces between them.
+const std::string& material_preset_words();
+
 /// One material. Elastic constants are those of the undamaged, unhardened material.
 struct MaterialConfig {
   std::string name;    ///< key in the scene's "materials"
@@ -112,7 +115,9 @@ struct MaterialConfig {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using M = MaterialConfig;
-    visit(&M::preset, FieldInfo{"preset", "", "Named set of constants that the other keys start from (table below)"});
+    visit(&M::preset,
+          FieldInfo{"preset", "", "Named set of constants that the other keys start from (table below)"}.offering(
+              material_preset_words()));
     visit(&M::model, FieldInfo{"model", "", "Constitutive model"});
     visit(&M::density, FieldInfo{"density", "kg/m^3", "Density at rest", Range::positive()});
     visit(&M::bulk_modulus,

@@ -39,7 +39,7 @@ struct Source : Body {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using S = Source;
-    Body::body_fields<S>(visit);
+    Body::body_fields<S>(visit, "box half_box sphere half_sphere cone pyramid cylinder mesh points");
     visit(&S::material, FieldInfo{"material", "", "Key of the scene's materials"}.mandatory());
     visit(&S::sampling, FieldInfo{"sampling", "", "How particles are placed (not for points)"});
     visit(&S::particles_per_cell,
@@ -62,13 +62,16 @@ struct Obstacle : Body {
   template <typename Visitor>
   static void fields(Visitor&& visit) {
     using O = Obstacle;
-    Body::body_fields<O>(visit);
+    Body::body_fields<O>(visit, "box half_box sphere half_sphere cone pyramid cylinder plane mesh vdb");
     visit(&O::contact, FieldInfo{"contact", "", "What the surface does to material that touches it"});
     visit(&O::friction,
           FieldInfo{"friction", "", "Coulomb friction coefficient (slip and separate)", Range::not_negative()});
     visit(&O::motion, FieldInfo{"motion", "", "Scripted motion; at rest without one"});
   }
 };
+
+/// Beyond this and gravity_range no step is short enough to keep positions within the range of numbers [s].
+inline constexpr Range frame_time_range = {.low = 0, .high = 1e6, .low_open = true};
 
 struct Scene {
   std::string name;
@@ -118,7 +121,7 @@ struct Scene {
     visit(&S::name, FieldInfo{"name", "", "Short name, used in file names and tables"});
     visit(&S::description, FieldInfo{"description", "", "What the scene shows"});
     visit(&S::domain, FieldInfo{"domain", "", "Domain, grid and walls"});
-    visit(&S::gravity, FieldInfo{"gravity", "m/s^2", "Gravity; with gravity_keyframes that at time 0"});
+    visit(&S::gravity, FieldInfo{"gravity", "m/s^2", "Gravity; with gravity_keyframes that at time 0", gravity_range});
     visit(&S::gravity_keyframes,
           FieldInfo{"gravity_keyframes", "", "Gravity at later times, with straight lines between them"});
     visit(&S::loads, FieldInfo{"loads", "", "Forces on the matter in a ball, for a time"});
@@ -140,7 +143,7 @@ struct Scene {
     visit(&S::time_step, FieldInfo{"time_step", "", "Step size"});
     visit(&S::seed, FieldInfo{"seed", "", "Seed of the particle sampling"});
     visit(&S::frames, FieldInfo{"frames", "", "Frames after the first", Range::between(0, 1e6)});
-    visit(&S::frame_time, FieldInfo{"frame_time", "s", "Time between frames", Range::positive()});
+    visit(&S::frame_time, FieldInfo{"frame_time", "s", "Time between frames", frame_time_range});
   }
 };
 

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "compare/metrics/particle_run.h"
 #include "compare/pictures/png.h"
@@ -77,6 +79,23 @@ double widest_spacing(const Scene& scene, const io::SurfaceBody& body, const Par
     return particle_type_of(scene.materials.at(material).model) == body.particle_type;
   });
   return own > 0 ? own : widest_spacing(scene);
+}
+
+/// Diameters of all particles, as drawn [m]; empty where they are the same.
+std::vector<float> particle_sizes(const Scene& scene, const Trajectory& header) {
+  std::map<std::pair<int32_t, int32_t>, float> of_body;
+  std::set<float> all;
+  for (const io::SurfaceBody& body : io::surface_bodies(header.particle_type, header.materials, {})) {
+    const auto size = static_cast<float>(widest_spacing(scene, body, header.materials));
+    of_body[{body.particle_type, body.index.value_or(-1)}] = size;
+    all.insert(size);
+  }
+  if (all.size() < 2) return {};
+  std::vector<float> sizes;
+  sizes.reserve(header.particle_count());
+  for (std::size_t i = 0; i < header.particle_type.size(); ++i)
+    sizes.push_back(of_body.at({header.particle_type[i], header.materials.empty() ? -1 : header.materials.index[i]}));
+  return sizes;
 }
 
 std::vector<io::SurfaceBody> surface_bodies(const ExportRequest& request, const StoredScene& stored,
@@ -293,6 +312,7 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   target.frame_time = header.frame_time;
   if (stored.scene) {
     target.point_size = widest_spacing(*stored.scene);
+    target.sizes = particle_sizes(*stored.scene, header);
     target.up_axis = compare::vertical_axis(stored.scene->gravity) == 2 ? 'Z' : 'Y';
   }
   const NamedFile input = {"the trajectory", request.input};

@@ -31,7 +31,7 @@ struct FieldDescription {
   FieldType type = FieldType::text;
   FieldShape shape = FieldShape::single;
   bool optional = false;
-  std::vector<std::string_view> words;           ///< of FieldType::word
+  std::vector<std::string_view> words;           ///< of FieldType::word; of FieldType::text where it takes no others
   std::shared_ptr<StructDescription> structure;  ///< of FieldType::structure
   std::string kind_field;                        ///< the field that info.only_for speaks of
   JsonNode default_value;
@@ -84,6 +84,7 @@ StructDescription describe() {
     using Field = std::remove_cvref_t<decltype(defaults.*member)>;
     FieldDescription field{.info = info, .words = {}, .structure = {}, .kind_field = {}, .default_value = {}};
     describe_type<Field>(field);
+    if (!info.offered.empty()) field.words = words_of_list(info.offered);
     if (!info.only_for.empty()) field.kind_field = kind_of(info, kinds).name;
     field.default_value = json_of(defaults.*member);
     if constexpr (ConfigEnum<Field>) kinds.push_back({info.name, field.words, word_of(defaults.*member)});

@@ -1,4 +1,5 @@
 // Config descriptions as Markdown tables and as commented JSON.
+#include <algorithm>
 #include <map>
 
 #include "io/config/config_description.h"
@@ -64,9 +65,16 @@ std::string default_text(const FieldDescription& field) {
   return "`" + write_json(field.default_value, JsonLayout::compact) + "`";
 }
 
-std::string only_for_text(const FieldDescription& field) {
+/// The kinds that the field is for, of those that the struct may have.
+std::string only_for_text(const FieldDescription& field, const StructDescription& all) {
   if (field.kind_field.empty()) return "";
-  return field.kind_field + ": " + joined(words_of_list(field.info.only_for), ", ");
+  const auto kind = std::find_if(all.fields.begin(), all.fields.end(),
+                                 [&](const FieldDescription& other) { return other.info.name == field.kind_field; });
+  std::vector<std::string_view> words = words_of_list(field.info.only_for);
+  std::erase_if(words, [&](std::string_view word) {
+    return std::find(kind->words.begin(), kind->words.end(), word) == kind->words.end();
+  });
+  return field.kind_field + ": " + joined(words, ", ");
 }
 
 /// One table a struct; one that stands there already is named instead of written again.
@@ -75,8 +83,8 @@ void write_tables(const StructDescription& description, const std::string& title
   std::string table = "| Key | Type | Unit | Default | Allowed | Only for | Meaning |\n|---|---|---|---|---|---|---|\n";
   for (const auto& field : description.fields)
     table += "| `" + std::string(field.info.name) + "` | " + type_text(field) + " | " + std::string(field.info.unit) +
-             " | " + default_text(field) + " | " + allowed_text(field) + " | " + only_for_text(field) + " | " +
-             std::string(field.info.meaning) + " |\n";
+             " | " + default_text(field) + " | " + allowed_text(field) + " | " + only_for_text(field, description) +
+             " | " + std::string(field.info.meaning) + " |\n";
   const auto [known, is_new] = title_of_table.try_emplace(table, title);
   if (!is_new) {
     if (known->second != title) out += "\n## " + title + "\n\nAs " + known->second + ".\n";
@@ -90,11 +98,11 @@ void write_tables(const StructDescription& description, const std::string& title
   }
 }
 
-std::string comment_text(const FieldDescription& field) {
+std::string comment_text(const FieldDescription& field, const StructDescription& all) {
   std::string text(field.info.meaning);
   if (!field.info.unit.empty()) text += " [" + std::string(field.info.unit) + "]";
   if (const std::string allowed = allowed_text(field); !allowed.empty()) text += "; " + allowed;
-  if (!field.kind_field.empty()) text += "; only for " + only_for_text(field);
+  if (!field.kind_field.empty()) text += "; only for " + only_for_text(field, all);
   return text;
 }
 
@@ -110,7 +118,7 @@ JsonNode with_comments(const StructDescription& description, const JsonNode& val
       if (field.shape == FieldShape::map)
         for (auto& member : node.members) member.value = with_comments(*field.structure, member.value);
     }
-    node.comment = comment_text(field);
+    node.comment = comment_text(field, description);
     const bool several_lines = !node.members.empty();
     if (present || !several_lines) out.set(std::string(field.info.name), std::move(node));
   }

@@ -93,7 +93,7 @@ void read_value(const ConfigPlace& place, const FieldInfo& info, T& out) {
     read_value(place.child(1, ends[1]), info, out.high);
     if (out.low > out.high) interval_out_of_order(place);
   } else if constexpr (ConfigEnum<T>) {
-    out = EnumWords<T>::words[read_word(place, enum_words<T>())].second;
+    out = EnumWords<T>::words[read_word(place, enum_words<T>(), info.offered)].second;
   } else if constexpr (IsOptional<T>::value) {
     read_value(place, info, out.emplace());
   } else if constexpr (IsVector<T>::value) {

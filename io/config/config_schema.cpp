@@ -54,8 +54,11 @@ JsonNode single_schema(const FieldDescription& field) {
     }
     case FieldType::number:
       return number_schema("number", field.info.range);
-    case FieldType::text:
-      return typed("string");
+    case FieldType::text: {
+      JsonNode schema = typed("string");
+      if (!field.words.empty()) schema.set("enum", word_list(field.words)).items.push_back(field.default_value);
+      return schema;
+    }
     case FieldType::vector3:
       return numbers_schema("number", 3, field.info.range);
     case FieldType::interval:

@@ -98,12 +98,14 @@ void interval_out_of_order(const ConfigPlace& place) {
               "Swap them");
 }
 
-std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words) {
+std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words, std::string_view offered) {
   const std::string word = read_string(place);
   const auto found = std::find(words.begin(), words.end(), word);
-  if (found == words.end())
-    config_fail(place, "is not one of its words (" + place.value() + ", allowed: " + joined(words) + ")",
-                "Use one of them." + did_you_mean(word, words));
+  if (found == words.end()) {
+    const auto named = offered.empty() ? words : words_of_list(offered);
+    config_fail(place, "is not one of its words (" + place.value() + ", allowed: " + joined(named) + ")",
+                "Use one of them." + did_you_mean(word, named));
+  }
   return static_cast<std::size_t>(found - words.begin());
 }
 

@@ -22,8 +22,9 @@ void read_numbers(const ConfigPlace& place, const Range& range, double* out, std
 /// The two ends of an interval [low, high].
 const std::vector<JsonNode>& read_interval_ends(const ConfigPlace& place);
 [[noreturn]] void interval_out_of_order(const ConfigPlace& place);
-/// Index of the value among `words`.
-std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words);
+/// Index of the value among `words`. `offered` are those that an error names, as FieldInfo has it.
+std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_view>& words,
+                      std::string_view offered = {});
 const std::vector<JsonNode>& read_list(const ConfigPlace& place);
 const std::vector<JsonMember>& read_members(const ConfigPlace& place);
 

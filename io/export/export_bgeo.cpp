@@ -33,7 +33,7 @@ void append_attribute(std::string& out, const std::string& name, uint16_t compon
   for (uint16_t i = 0; i < components; ++i) append_big_endian(out, int32_t(0));
 }
 
-std::string bgeo_bytes(const PointFrame& points, float radius) {
+std::string bgeo_bytes(const PointFrame& points, const ExportTarget& target) {
   const bool velocity = points.has_velocity(), ratio = points.has_volume_ratio();
   const bool material = !points.materials.empty();
   const int32_t attributes = 3 + velocity + material + ratio;
@@ -49,6 +49,7 @@ std::string bgeo_bytes(const PointFrame& points, float radius) {
   if (material) append_attribute(out, "material", 1, Bgeo::integer);
   append_attribute(out, "pscale", 1, Bgeo::real);
   if (ratio) append_attribute(out, "J", 1, Bgeo::real);
+  const auto usual_size = static_cast<float>(target.point_size);
   for (std::size_t i = 0; i < points.position.size(); ++i) {
     append_big_endian(out, points.position[i]);
     append_big_endian(out, 1.0f);  // homogeneous coordinate
@@ -56,7 +57,8 @@ std::string bgeo_bytes(const PointFrame& points, float radius) {
     append_big_endian(out, points.id[i]);
     append_big_endian(out, points.particle_type[i]);
     if (material) append_big_endian(out, points.materials.index[i]);
-    append_big_endian(out, radius);
+    append_big_endian(
+        out, 0.5f * (target.sizes.empty() ? usual_size : target.sizes[static_cast<std::size_t>(points.id[i])]));
     if (ratio) append_big_endian(out, points.volume_ratio[i]);
   }
   out += std::string("\x00\xff", 2);  // end of the geometry
@@ -67,8 +69,7 @@ class BgeoPoints : public PointWriter {
  public:
   explicit BgeoPoints(const ExportTarget& target) : target_(target) { prepare_export(target); }
   void write(int64_t frame, const PointFrame& points) override {
-    write_file_atomically(frame_file(target_, frame, ".bgeo"),
-                          bgeo_bytes(points, static_cast<float>(0.5 * target_.point_size)));
+    write_file_atomically(frame_file(target_, frame, ".bgeo"), bgeo_bytes(points, target_));
   }
 
  private:

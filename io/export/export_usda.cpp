@@ -15,7 +15,8 @@ const std::string a_value_a_point = "interpolation = \"vertex\"";
 class UsdaPoints : public PointWriter {
  public:
   explicit UsdaPoints(const ExportTarget& target)
-      : size_(target.point_size), layer_(target), particles_(layer_.prim("Points", "particles")) {
+      : size_(target.point_size), sizes_(target.sizes), layer_(target), particles_(layer_.prim("Points", "particles")) {
+    if (!sizes_.empty()) return;
     std::string width;
     append_number(width, static_cast<float>(size_));
     particles_.constant("float[] widths = [" + width + "] (\n            interpolation = \"constant\"\n        )");
@@ -28,6 +29,7 @@ class UsdaPoints : public PointWriter {
     particles_.sample("int64[] ids", frame, usda_array(points.id));
     particles_.sample("point3f[] points", frame, usda_array(points.position));
     if (points.has_velocity()) particles_.sample("vector3f[] velocities", frame, usda_array(points.velocity));
+    if (!sizes_.empty()) particles_.sample("float[] widths", frame, usda_array(sizes_of(points.id)), a_value_a_point);
     particles_.sample("int[] primvars:particle_type", frame, usda_array(points.particle_type), a_value_a_point);
     if (!points.materials.empty())
       particles_.sample("int[] primvars:material", frame, usda_array(points.materials.index), a_value_a_point);
@@ -37,7 +39,15 @@ class UsdaPoints : public PointWriter {
   void finish() override { layer_.finish(); }
 
  private:
+  std::vector<float> sizes_of(const std::vector<int32_t>& id) const {
+    std::vector<float> sizes;
+    sizes.reserve(id.size());
+    for (const int32_t i : id) sizes.push_back(sizes_[static_cast<std::size_t>(i)]);
+    return sizes;
+  }
+
   double size_;
+  std::vector<float> sizes_;
   UsdaLayer layer_;
   UsdaPrim& particles_;
 };

@@ -169,23 +169,6 @@ void check_obstacle(const ConfigDocument& document, std::size_t index, const Obs
   if (obstacle.motion) check_motion(body_place(document, "obstacles", index, "motion"), *obstacle.motion);
 }
 
-/// Beyond these, no step is short enough to keep positions within the range of numbers.
-void check_gravity_and_frame(const ConfigDocument& document, const Scene& scene) {
-  constexpr double most_gravity = 1e6, longest_frame = 1e6;  // m/s^2, s
-  const auto check_size = [&](const ConfigPlace& place, const Vec3d& gravity) {
-    for (int d = 0; d < 3; ++d)
-      if (!(std::abs(gravity[d]) <= most_gravity))
-        config_fail(place, "is out of range (" + place.value() + ", allowed -1e6 to 1e6 m/s^2)", "Change the value");
-  };
-  check_size(find_place(document, {"gravity"}), scene.gravity);
-  for (std::size_t k = 0; k < scene.gravity_keyframes.size(); ++k)
-    check_size(body_place(document, "gravity_keyframes", k, "gravity"), scene.gravity_keyframes[k].gravity);
-  const ConfigPlace frame_time = find_place(document, {"frame_time"});
-  if (!(scene.frame_time <= longest_frame))
-    config_fail(frame_time, "is out of range (" + frame_time.value() + ", allowed > 0 and <= 1e6 s)",
-                "Change the value");
-}
-
 void check_steps(const ConfigDocument& document, const Scene& scene) {
   if (scene.sources.empty() && scene.emitters.empty())
     config_fail(find_place(document, {"sources"}), "must not be empty", "Add a source, or there is no material");
@@ -249,7 +232,6 @@ void check_scene(const ConfigDocument& document, const Scene& scene) {
       config_fail(find_place(document, out->path), out->problem, out->remedy);
   });
   check([&] { check_steps(document, scene); });
-  check([&] { check_gravity_and_frame(document, scene); });
   for (std::size_t i = 0; i < scene.sources.size(); ++i) check([&] { check_source(document, i, scene); });
   for (std::size_t i = 0; i < scene.emitters.size(); ++i) check([&] { check_emitter(document, i, scene); });
   for (std::size_t i = 0; i < scene.kinematic_regions.size(); ++i)

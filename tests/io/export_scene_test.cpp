@@ -81,6 +81,30 @@ TEST(ExportScene, BgeoIsWhatPartioReads) {
   EXPECT_TRUE(file.at_end());
 }
 
+TEST(ExportScene, ParticlesHaveTheirOwnSizes) {
+  const TemporaryFolder folder;
+  PointFrame points = three_points();
+  points.id = {0, 2, 1};
+  const ExportTarget target{.folder = folder.path(), .name = "run", .point_size = 0.04, .sizes = {0.01f, 0.02f, 0.04f}};
+  make_point_writer("bgeo", target)->write(0, points);
+  const std::string bytes = bytes_of(folder.file("run_0000.bgeo"));
+  const std::size_t row = 4 * (3 + 1 + 3 + 1 + 1 + 1 + 1);  // place, 1, v, id, type, pscale, J
+  const float sizes[] = {0.01f, 0.04f, 0.02f};
+  for (std::size_t i = 0; i < 3; ++i) {
+    BigEndian pscale(bytes.substr(bytes.size() - 2 - (3 - i) * row + 4 * 9, 4));
+    EXPECT_EQ(pscale.number<float>(), 0.5f * sizes[i]);
+  }
+  const auto writer = make_point_writer("usda", target);
+  writer->write(0, points);
+  writer->finish();
+  const std::string text = bytes_of(folder.file("run.usda"));
+  const std::size_t widths = text.find("float[] widths");
+  ASSERT_NE(widths, std::string::npos);
+  EXPECT_EQ(text.find("float[] widths", widths + 1), text.find("float[] widths.timeSamples")) << text;
+  EXPECT_NE(text.find("0: [0.01, 0.04, 0.02],", widths), std::string::npos);
+  EXPECT_NE(text.find("interpolation = \"vertex\"", widths), std::string::npos);
+}
+
 TEST(ExportScene, UsdaHasASampleAFrame) {
   const TemporaryFolder folder;
   PointFrame points = three_points();

@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
 
+#include "core/scene/material_config.h"
 #include "io/scene/scene_reader.h"
 #include "temporary_folder.h"
 
@@ -41,6 +43,29 @@ TEST(SceneFormat, SchemaRefusesUnknownKeysAndTiesKeysToShapes) {
   EXPECT_EQ(
       schema["properties"]["materials"]["additionalProperties"]["properties"]["poissons_ratio"]["exclusiveMaximum"],
       0.5);
+}
+
+TEST(SceneFormat, SchemaOffersWhatTheReaderTakes) {
+  using Words = std::set<std::string>;
+  const auto schema = nlohmann::json::parse(scene_schema_json());
+  const auto shapes = [&](const char* list) {
+    return schema["properties"][list]["items"]["properties"]["shape"]["enum"].get<Words>();
+  };
+  const Words everywhere = {"box", "half_box", "sphere", "half_sphere", "cone", "pyramid", "cylinder", "mesh"};
+  const auto and_also = [&](Words more) {
+    more.insert(everywhere.begin(), everywhere.end());
+    return more;
+  };
+  EXPECT_EQ(shapes("sources"), and_also({"points"}));
+  EXPECT_EQ(shapes("emitters"), everywhere);
+  EXPECT_EQ(shapes("obstacles"), and_also({"plane", "vdb"}));
+  const auto& names = material_preset_names();
+  Words presets(names.begin(), names.end());
+  presets.insert("");
+  EXPECT_EQ(schema["properties"]["materials"]["additionalProperties"]["properties"]["preset"]["enum"].get<Words>(),
+            presets);
+  EXPECT_EQ(schema["properties"]["gravity"]["items"]["maximum"], 1e6);
+  EXPECT_EQ(schema["properties"]["frame_time"]["maximum"], 1e6);
 }
 
 TEST(SceneFormat, DefaultsNameEveryKeyWithUnit) {

@@ -89,6 +89,14 @@ TEST(SceneReader, RefusesKeysThatDoNotApply) {
   fails("\"contact\": \"slip\"", "\"contact\": \"slop\"",
         {"s.json:12: /obstacles/0/contact is not one of its words (\"slop\", allowed: stick, slip, separate)",
          "'slip'?"});
+  fails("\"shape\": \"cylinder\"", "\"shape\": \"point\"",
+        {"/obstacles/0/shape is not one of its words (\"point\", allowed: box, half_box, sphere, half_sphere, cone, "
+         "pyramid, cylinder, plane, mesh, vdb)"});
+  const std::pair<const char*, const char*> out_of_range[] = {
+      {"frame_time=2e6", "/frame_time is out of range (2e6"},
+      {"gravity=[0,-2e6,0]", "/gravity/1 is out of range (-2e6"}};
+  for (const auto& [override, message] : out_of_range)
+    expect_error<ConfigError>([&] { parse(good, {override}); }, {message});
 }
 
 /// Every range of a material's constants, by one value outside it.

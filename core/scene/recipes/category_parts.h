@@ -99,7 +99,7 @@ struct RecipeBodies {
     visit(&B::size,
           FieldInfo{"size", "m", "Largest extent of a body; no extent of a box or cylinder is below the lower bound",
                     Range::positive()});
-    visit(&B::shapes, FieldInfo{"shapes", "", "Shapes to draw from: box, sphere, cylinder, mesh"});
+    visit(&B::shapes, FieldInfo{"shapes", "", "Shapes to draw from"}.offering("box sphere cylinder mesh"));
     visit(&B::meshes, FieldInfo{"meshes", "", "Files of the shape mesh, relative to the recipe"});
     visit(&B::materials,
           FieldInfo{"materials", "", "Materials in a scene, each with constants of its own", Range::between(1, 100)});
@@ -128,7 +128,8 @@ struct RecipeFixedObstacles {
                     Range::between(0, 1000)});
     visit(&O::size, FieldInfo{"size", "m", "Largest extent; also of containers, paddles, boxes and trays that move",
                               Range::positive()});
-    visit(&O::shapes, FieldInfo{"shapes", "", "Shapes to draw from: all of a scene's obstacles but plane"});
+    visit(&O::shapes, FieldInfo{"shapes", "", "Shapes to draw from"}.offering(
+                          "box half_box sphere half_sphere cone pyramid cylinder mesh vdb"));
     visit(&O::meshes, FieldInfo{"meshes", "", "Files of the shape mesh, relative to the recipe"});
     visit(&O::level_sets, FieldInfo{"level_sets", "", "Files of the shape vdb, relative to the recipe"});
     visit(&O::surface, FieldInfo{"surface", "", "Contact of the obstacles, at rest and moving"});
