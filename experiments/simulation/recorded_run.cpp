@@ -155,6 +155,17 @@ void RecordedRun::save(const std::vector<ParticleFrame>& recent, const std::vect
   io::write_state_file(options_.save_state, state);
 }
 
+/// Coefficients of friction that the scene gives surfaces to which matter sticks.
+void RecordedRun::warn_of_unused_friction() const {
+  for (std::size_t i = 0; i < scene_.obstacles.size(); ++i)
+    if (const Obstacle& obstacle = scene_.obstacles[i]; obstacle.contact == Contact::stick && obstacle.friction > 0)
+      warn(fmt::format("obstacle {}: 'friction' ({:g}) has no effect, 'contact' is \"stick\"", i, obstacle.friction));
+  const Domain& domain = scene_.domain;
+  if (domain.wall_friction > 0 && !domain.has_wall(Wall::slip) && !domain.has_wall(Wall::separate))
+    warn(fmt::format("'wall_friction' ({:g}) has no effect, no wall has the contact \"slip\" or \"separate\"",
+                     domain.wall_friction));
+}
+
 void RecordedRun::report() const {
   const auto s = run_->statistics();
   const double updates =
@@ -174,6 +185,7 @@ void RecordedRun::report() const {
     warn(fmt::format("the emitters sent out no particle: the first comes at {:g} s, and the run ends at {:g} s",
                      first_birth(scene_.emitters), end));
   if (s.removed == 0 && !scene_.sinks.empty()) warn("no particle reached a sink");
+  warn_of_unused_friction();
   nlohmann::ordered_json result = {
       {"output", output()},
       {"particles", run_->particle_count()},

@@ -29,6 +29,7 @@ class RecordedRun {
   void report() const;
 
  private:
+  void warn_of_unused_friction() const;
   const std::string& output() const { return options_.output; }
   void append_frame();
   void advance();

@@ -15,11 +15,11 @@ namespace graupel::io {
 
 /// Where files go, and what formats tell of the whole run.
 struct ExportTarget {
-  std::string folder, name;      ///< files are <folder>/<name>_0007.vtp; see prepare_export
-  double frame_time = 1.0 / 60;  ///< [s]
-  double point_size = 0.01;      ///< largest diameter of the particles, as drawn [m]
-  std::vector<float> sizes;      ///< [N] their diameters by PointFrame::id [m]; empty: all point_size
-  char up_axis = 'Y';            ///< 'Y' or 'Z': the one against gravity
+  std::string folder, name;       ///< files are <folder>/<name>_0007.vtp; see prepare_export
+  double frame_time = 1.0 / 60;   ///< [s]
+  double point_size = 0.01;       ///< largest diameter of the particles, as drawn [m]
+  std::vector<float> sizes = {};  ///< [N] their diameters by PointFrame::id [m]; empty: all point_size
+  char up_axis = 'Y';             ///< 'Y' or 'Z': the one against gravity
 };
 
 /// The particles of a frame that are in the run.

@@ -37,7 +37,7 @@ inline Vec3d point_of(const std::vector<float>& points, int64_t p) {
 
 /// First of the three nodes along an axis that a point depends on, u [spacings] from the lattice's low end.
 inline int mode_base(const ModeLattice& lattice, int axis, double u) {
-  return std::clamp(static_cast<int>(std::floor(u - 0.5)), 0, lattice.count[axis] - 3);
+  return static_cast<int>(std::fmin(std::fmax(std::floor(u - 0.5), 0.0), lattice.count[axis] - 3.0));  // NaN: 0
 }
 
 /// N_i(X) and dN_i/dX [1/m] of the nodes i that X depends on; beyond the lattice its last splines go on.

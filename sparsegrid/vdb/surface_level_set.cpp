@@ -9,6 +9,9 @@
 #include "sparsegrid/mesh/mesh_parts.h"
 #include "sparsegrid/vdb/vdb_grids.h"
 
+/// OpenVDB's library lacks this one of its members, and gcc 13 does not inline it beside a sanitizer's checks.
+template void openvdb::tree::Tree<openvdb::BoolTree::RootNodeType>::merge(openvdb::BoolTree&, openvdb::MergePolicy);
+
 namespace graupel::sparsegrid {
 
 namespace {

@@ -49,6 +49,22 @@ TEST(Simulate, WarnsOfEmittersAndSinksThatDoNothing) {
   EXPECT_FALSE(busy.says("no particle")) << busy.output;
 }
 
+TEST(Simulate, WarnsOfFrictionWhereMatterSticks) {
+  const Folder folder;
+  const auto scene = folder.write("rough.json", small_scene(R"("obstacles": [ { "shape": "sphere", "radius": 0.1,
+    "position": [0.5, 0.2, 0.5], "contact": "stick", "friction": 0.3 } ])"));
+  const std::string run = "simulate " + scene + " --frames 1 -o ";
+  const Outcome sticks =
+      graupel(run + folder.file("a.h5") + " --set domain.walls=stick --set domain.wall_friction=0.2");
+  EXPECT_EQ(sticks.exit_code, 0) << sticks.output;
+  EXPECT_TRUE(sticks.says("obstacle 0: 'friction' (0.3) has no effect, 'contact' is \"stick\"")) << sticks.output;
+  EXPECT_TRUE(sticks.says("'wall_friction' (0.2) has no effect")) << sticks.output;
+  const Outcome slips =
+      graupel(run + folder.file("b.h5") + " --set domain.wall_friction=0.2 --set obstacles.0.contact=slip");
+  EXPECT_EQ(slips.exit_code, 0) << slips.output;
+  EXPECT_FALSE(slips.says("has no effect")) << slips.output;
+}
+
 TEST(Simulate, DryRunPrintsCostsAndWritesNothing) {
   const Folder folder;
   const auto scene = folder.write("small.json", small_scene());

@@ -1,9 +1,10 @@
 // Weights of every kind: read as the model that they name, and run for a frame or two.
 #include <memory>
+#include <variant>
 
 #include "core/scene/material_config.h"
+#include "graph/config/network_config.h"
 #include "graph/learned_simulator.h"
-#include "graph/network.h"
 #include "hybrid/coarse_model.h"
 #include "io/scene/scene_reader.h"
 #include "nn/weights.h"
@@ -25,6 +26,16 @@ constexpr double least_spacing = 0.01;
 constexpr double least_spacing = 0;
 #endif
 
+/// Whether a rollout takes more than files of this size should in a test: a frame of millions of cells, or particles of
+/// obstacles that each see hundreds of others.
+bool is_costly(const graph::NetworkConfig& network) {
+  const auto* gns = std::get_if<graph::GnsConfig>(&network);
+  return graph::spacing_of(network) < least_spacing ||
+         (gns != nullptr && gns->obstacle_particles && gns->obstacle_spacing < gns->radius / 10);
+}
+
+constexpr int64_t most_substeps = 1000;  ///< of a frame of a reduced model that is rolled out
+
 Scene box_with_ball() {
   Scene scene;
   scene.domain.dx = seed_dx;
@@ -44,7 +55,7 @@ void run_network(const std::shared_ptr<const nn::Weights>& weights) {
   static const Scene usual_scene = box_with_ball();
   static const graph::Environment usual(usual_scene);
   const graph::LearnedSimulator simulator(weights);
-  if (graph::load_network(*weights)->spacing() < least_spacing) return;
+  if (is_costly(graph::network_config_of(*weights))) return;
   const graph::FeatureConfig& config = simulator.config();
   const bool fits = config.frame_time == seed_frame_time && config.dx == seed_dx && !config.in_plane();
   Scene scene = usual_scene;
@@ -76,7 +87,7 @@ void run_reduced(const nn::Weights& weights) {
   nn::Weights stored = model.store(nn::DType::f16);
   stored.file = "stored again";
   static_cast<void>(rom::ReducedModel::load(stored));
-  if (!is_small(scene)) return;
+  if (!is_small(scene) || model.substeps_per_frame > most_substeps) return;
   std::vector<double> parameters;
   for (const rom::ModelParameter& p : model.parameters) parameters.push_back(p.low);
   rom::ReducedSolver<float> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), parameters, {});

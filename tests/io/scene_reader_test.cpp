@@ -93,8 +93,8 @@ TEST(SceneReader, RefusesKeysThatDoNotApply) {
         {"/obstacles/0/shape is not one of its words (\"point\", allowed: box, half_box, sphere, half_sphere, cone, "
          "pyramid, cylinder, plane, mesh, vdb)"});
   const std::pair<const char*, const char*> out_of_range[] = {
-      {"frame_time=2e6", "/frame_time is out of range (2e6"},
-      {"gravity=[0,-2e6,0]", "/gravity/1 is out of range (-2e6"}};
+      {"frame_time=2e6", "/frame_time is out of range (2e+06, allowed > 0 and <= 1e+06)"},
+      {"gravity=[0,-2e6,0]", "/gravity/1 is out of range (-2e+06, allowed"}};
   for (const auto& [override, message] : out_of_range)
     expect_error<ConfigError>([&] { parse(good, {override}); }, {message});
 }

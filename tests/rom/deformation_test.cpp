@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "core/system/error.h"
@@ -158,6 +159,17 @@ TEST(ModeLattice, HasTheNodesOfAGrid) {
     }
     EXPECT_NEAR(sum, 1, 1e-12);
   }
+}
+
+TEST(ModeLattice, PointsAnywhereDependOnNodesOfIt) {
+  const ModeLattice lattice = ModeLattice::around({0, 0, 0, 1, 1, 1}, 0.1, {0, 0, 0});
+  const int last = lattice.count[0] - 3;
+  EXPECT_EQ(mode_base(lattice, 0, 3.7), 3);
+  for (const double beyond : {1e3, 1e10, 1e40, std::numeric_limits<double>::infinity()}) {
+    EXPECT_EQ(mode_base(lattice, 0, beyond), last) << beyond;
+    EXPECT_EQ(mode_base(lattice, 0, -beyond), 0) << beyond;
+  }
+  EXPECT_EQ(mode_base(lattice, 0, std::numeric_limits<double>::quiet_NaN()), 0);
 }
 
 TEST_P(DeformationMaps, SamplesAreThePointsAndTheirJacobianIsTheSlope) {
