@@ -29,6 +29,7 @@ namespace {
   std::string hint = "Check the disk or choose another folder";
   if (code == ENOSPC || code == EDQUOT) hint = "Free space on that disk or choose another folder";
   if (code == EACCES || code == EROFS || code == EPERM) hint = "Choose a folder you may write to";
+  if (code == ENAMETOOLONG) hint = "Choose a shorter name";
   if (code == EMFILE || code == ENFILE) hint = "Allow more open files (ulimit -n)";
   throw IoError("cannot " + what + " '" + path + "' (" + std::strerror(code) + "). " + hint);
 }
@@ -107,6 +108,23 @@ std::string read_pipe(std::istream& stream, const std::string& path, std::size_t
 
 }  // namespace
 
+LinkTarget follow_links(const std::string& path) {
+  constexpr int most_links = 40;  // as Linux
+  fs::path at = path;
+  for (int links = 0; links <= most_links; ++links) {
+    std::error_code code;
+    if (!fs::is_symlink(fs::symlink_status(at, code))) return {at.string()};
+    const fs::path parent = at.has_parent_path() ? at.parent_path() : fs::path(".");
+    const std::string folder = fs::canonical(parent, code).string();
+    if (folder == "/dev" || folder.starts_with("/proc/")) return {at.string(), true};
+    const fs::path next = fs::read_symlink(at, code);
+    if (code) return {at.string()};
+    at = next.is_absolute() ? next : parent / next;
+  }
+  errno = ELOOP;
+  fail("write", path);
+}
+
 void replace_file(const std::string& part, const std::string& path) {
   if (std::rename(part.c_str(), path.c_str()) != 0) fail("rename the finished file to", path);
   const std::string folder = fs::absolute(path).parent_path().string();
@@ -119,7 +137,7 @@ void finish_part_file(const std::string& path) {
     throw IoError("cannot write '" + path +
                   "' (it is no regular file, and would be replaced). What was written is in '" + path + ".part'");
   sync_path(path + ".part", O_RDONLY);
-  replace_file(path + ".part", path);
+  replace_file(path + ".part", follow_links(path).path);
 }
 
 void write_part_file(const std::string& path, const std::function<void(const std::string& part)>& write) {
@@ -142,9 +160,10 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
 }
 
 void write_file_atomically(const std::string& path, const std::vector<std::string_view>& pieces) {
-  if (path == "-") return write_all(standard_output(), pieces, "standard output");
+  if (path == "-" || path == "/dev/stdout") return write_all(standard_output(), pieces, "standard output");
+  const LinkTarget target = follow_links(path);
   struct stat status {};
-  if (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+  if (target.open_file || (::stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode))) {
     if (S_ISDIR(status.st_mode)) {
       errno = EISDIR;
       fail("write", path);
@@ -154,14 +173,14 @@ void write_file_atomically(const std::string& path, const std::vector<std::strin
     write_all(fd.get(), pieces, path);
     return;
   }
-  const std::unique_ptr<UnfinishedFile> part = create_aside(path);
+  const std::unique_ptr<UnfinishedFile> part = create_aside(target.path);
   {
     const Descriptor fd(::open(part->path().c_str(), O_WRONLY));
     if (fd.get() < 0) fail("open", part->path());
     write_all(fd.get(), pieces, part->path());
     sync_descriptor(fd.get(), part->path());
   }
-  replace_file(part->path(), path);
+  replace_file(part->path(), target.path);
   part->keep();
 }
 

@@ -30,8 +30,36 @@ bool is_same_file(const std::string& a, const std::string& b) {
   const bool a_there = ::stat(a.c_str(), &of_a) == 0, b_there = ::stat(b.c_str(), &of_b) == 0;
   if (a_there && !S_ISREG(of_a.st_mode)) return false;
   if (a_there && b_there) return of_a.st_dev == of_b.st_dev && of_a.st_ino == of_b.st_ino;
+  std::error_code of_path_a, of_path_b;
+  const fs::path path_a = fs::weakly_canonical(fs::absolute(a), of_path_a),
+                 path_b = fs::weakly_canonical(fs::absolute(b), of_path_b);
+  if (of_path_a || of_path_b) return fs::absolute(a).lexically_normal() == fs::absolute(b).lexically_normal();
+  return path_a == path_b;
+}
+
+/// A file has a longer name until it is finished (core/system/atomic_file.h).
+void check_length(const std::string& file) {
+  struct stat status {};
+  if (::lstat((file + ".4194304-99999.part").c_str(), &status) == 0 || errno != ENAMETOOLONG) return;
+  throw IoError("cannot write '" + file + "' (its name is too long, " +
+                std::to_string(fs::path(file).filename().string().size()) +
+                " bytes; until it is finished it has 19 more, and 255 are allowed). Choose a shorter name");
+}
+
+void check_folder(const std::string& target, const std::string& file) {
+  const fs::path folder = fs::absolute(target).parent_path();
   std::error_code code;
-  return fs::weakly_canonical(fs::absolute(a), code) == fs::weakly_canonical(fs::absolute(b), code);
+  if (!fs::is_directory(folder, code))
+    throw IoError("cannot write '" + file + "' (there is no folder '" + folder.string() +
+                  "'). Make it first, or name another");
+  check_writable(folder, file);
+}
+
+/// Of the folder of a path.
+dev_t disk_of(const std::string& file) {
+  struct stat status {};
+  ::stat(fs::absolute(file).parent_path().c_str(), &status);
+  return status.st_dev;
 }
 
 bool is_there(const std::string& file) {
@@ -57,19 +85,23 @@ void check_output_file(const std::string& file) {
   const fs::file_status status = fs::status(file, code);
   if (fs::is_directory(status)) throw IoError("cannot write '" + file + "' (it is a folder). Name a file");
   if (fs::exists(status) && !fs::is_regular_file(status)) return;
-  const fs::path folder = fs::absolute(file).parent_path();
-  if (!fs::is_directory(folder, code))
-    throw IoError("cannot write '" + file + "' (there is no folder '" + folder.string() +
-                  "'). Make it first, or name another");
-  check_writable(folder, file);
+  check_length(file);
+  const LinkTarget target = follow_links(file);
+  if (!target.open_file) check_folder(target.path, file);
 }
 
 void check_library_output(const std::string& file) {
   check_output_file(file);
   std::error_code code;
   const fs::file_status status = fs::status(file, code);
-  if (file == "-" || (fs::exists(status) && !fs::is_regular_file(status)))
+  const LinkTarget target = follow_links(file);
+  if (file == "-" || target.open_file || (fs::exists(status) && !fs::is_regular_file(status)))
     throw IoError("cannot write to '" + file + "' (it is no regular file, as this format needs). Name a file");
+  if (file.empty() || target.path == file) return;
+  check_folder(file, file);
+  if (disk_of(file) != disk_of(target.path))
+    throw IoError("cannot write to '" + file + "' (it is a link to another disk, '" + target.path +
+                  "', where a finished file cannot be moved). Name that file");
 }
 
 void check_output_folder(const std::string& folder) {

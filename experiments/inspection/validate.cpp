@@ -16,6 +16,7 @@
 #include "experiments/data/stored_frames.h"
 #include "experiments/inspection/file_facts.h"
 #include "experiments/process/input_file.h"
+#include "io/config/json_node.h"
 #include "io/scene/category_reader.h"
 #include "io/scene/recipe_reader.h"
 #include "io/scene/scene_reader.h"
@@ -41,15 +42,19 @@ std::vector<std::string> mistakes_in_json(const std::string& file) {
   return mistakes;
 }
 
-/// Numbers of a whole trajectory or data set.
+/// Numbers of a whole trajectory or data set, and whether the scenes are JSON; their geometry may be elsewhere.
 void check_frames(const std::string& file) {
   constexpr int64_t at_once = 8;
   const io::TrajectoryReader reader(file);
   for (int i = 0; i < reader.count(); ++i) {
-    const auto frames = static_cast<int64_t>(reader.header(i).frame_count());
+    const Trajectory header = reader.header(i);
+    const std::string name = fmt::format("'{}': trajectory {}", file, i);
+    if (!header.scene_json.empty()) io::parse_json(header.scene_json, name + " (its scene)");
+    reader.initial_velocity(i);
+    reader.contact_forces(i);
+    const auto frames = static_cast<int64_t>(header.frame_count());
     for (int64_t first = 0; first < frames; first += at_once)
-      check_stored_frames(reader.frames(i, first, std::min(at_once, frames - first), reader.fields(i)), first,
-                          fmt::format("'{}': trajectory {}", file, i));
+      check_stored_frames(reader.frames(i, first, std::min(at_once, frames - first), reader.fields(i)), first, name);
   }
 }
 

@@ -80,6 +80,10 @@ int run_program(int argc, char** argv, const char* name, const char* description
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "%s: out of memory. %s\n", name, less_memory);
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::fprintf(stderr, "%s: cannot use '%s' (%s). Choose another folder, or a shorter name\n", name,
+                 printable(error.path1().string()).c_str(), error.code().message().c_str());
+    return static_cast<int>(ExitCode::io);
   } catch (const std::system_error& error) {
     const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
     std::fprintf(stderr, "%s: %s%s\n", name, printable(error.what()).c_str(),

@@ -82,7 +82,7 @@ bool is_file_of_another_kind(const std::string& path) {
 /// A state may be replaced by a later one of its run, and by nothing else.
 void check_outputs(const SimulateOptions& options, const Scene& scene) {
   check_library_output(options.output);
-  check_output_file(options.save_state);
+  check_library_output(options.save_state);
   if (!options.write_obstacles.empty()) check_library_output(options.write_obstacles);
   const std::vector<NamedFile> others = {{"--output", options.output},
                                          {"the bad state of --output", options.output + ".blowup.h5"},

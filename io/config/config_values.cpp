@@ -76,6 +76,8 @@ double read_number(const ConfigPlace& place, const Range& range) {
 
 std::string read_string(const ConfigPlace& place) {
   if (place.node.kind != JsonNode::Kind::string) wrong_type(place, "text", "Put it in quotes");
+  if (place.node.text.find('\0') != std::string::npos)
+    config_fail(place, "holds the character NUL (\\u0000)", "Take it out");
   return place.node.text;
 }
 

@@ -97,7 +97,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   JsonNode& place_node(JsonNode&& node) {
-    if (++count_ > value_limit) fail("too many values (at most " + std::to_string(value_limit) + ")");
+    if (++count_ > value_limit)
+      fail("too many values (at most " + std::to_string(value_limit) + "). Move geometry to files of its own");
     node.line = line();
     if (stack_.empty()) return root = std::move(node);
     JsonNode& parent = *stack_.back();
@@ -115,7 +116,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool open(JsonNode&& node) {
-    if (stack_.size() >= depth_limit) fail("nested too deeply (at most " + std::to_string(depth_limit) + " levels)");
+    if (stack_.size() >= depth_limit)
+      fail("nested too deeply (at most " + std::to_string(depth_limit) + " levels). Take levels out");
     stack_.push_back(&place_node(std::move(node)));
     return true;
   }
@@ -138,12 +140,21 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   const char* consumed;
 };
 
+/// nlohmann-json takes the first NUL for the text's end.
+void check_no_nul(const std::string& text, const std::string& name) {
+  const std::size_t nul = text.find('\0');
+  if (nul == std::string::npos) return;
+  throw InputError(place(name, text.data(), text.data() + nul) +
+                   "not valid JSON (a NUL byte). Correct the file at this place, or save it as UTF-8");
+}
+
 }  // namespace
 
 JsonNode parse_json(const std::string& text, const std::string& name) {
   if (text.size() > byte_limit)
     throw ConfigError(name + ": the text is too large (" + std::to_string(text.size()) + " bytes, at most " +
                       std::to_string(byte_limit) + "). Move geometry to files of its own");
+  check_no_nul(text, name);
   TreeBuilder builder(text, name);
   const CountingIterator first(text.data(), &builder.consumed);
   const CountingIterator last(text.data() + text.size(), &builder.consumed);

@@ -16,6 +16,8 @@ namespace graupel::io {
 
 namespace {
 
+constexpr std::size_t most_corners = 5000;  ///< of a face: to cut it into triangles takes their square
+
 /// A line of an OBJ file, split at blanks.
 struct ObjLine {
   std::size_t number;
@@ -59,6 +61,10 @@ bool is_corner(std::string_view word) {
 
 void check_face(const std::string& name, const ObjLine& line) {
   if (line.values.size() < 3) fail(name, line, "a face has fewer than three corners");
+  if (line.values.size() > most_corners)
+    fail(name, line,
+         "a face has " + std::to_string(line.values.size()) + " corners, at most " + std::to_string(most_corners) +
+             " are cut into triangles");
   for (const std::string_view corner : line.values)
     if (!is_corner(corner)) fail(name, line, "a face's corner '" + std::string(corner.substr(0, 20)) + "' is no index");
 }
@@ -67,6 +73,7 @@ void check_face(const std::string& name, const ObjLine& line) {
 /// numbers. Among the others are skin weights, whose joints tinyobjloader turns into integers unseen. It also reads
 /// damaged numbers as 0 or by their first digits, and leaves short faces out, so they are checked here.
 std::string checked_geometry_lines(const std::string& bytes, const std::string& name) {
+  if (bytes.find('\0') != std::string::npos) mesh_fail(name, "the file is no text (it holds a NUL byte)");
   std::string kept;
   ObjLine line{0, {}, {}, {}};
   for (std::size_t at = 0; at < bytes.size();) {

@@ -36,13 +36,13 @@ std::string SceneFolder::remedy(const std::string&) const {
 /// Longer ends and nearer folders come first. Above the trajectory's folder a bare name would be too weak a clue.
 std::string AroundTrajectory::find(const std::string& given) const {
   const fs::path stored = fs::absolute(given).lexically_normal();
-  if (fs::is_regular_file(stored)) return stored.string();
+  std::error_code unreadable;
+  if (fs::is_regular_file(stored, unreadable)) return stored.string();
   const fs::path folder = fs::absolute(file_).lexically_normal().parent_path();
   for (const fs::path& end : ends_of(stored)) {
     fs::path from = folder;
     for (int level = 0; level <= levels_above; ++level, from = from.parent_path()) {
       if (level > 0 && !end.has_parent_path()) break;
-      std::error_code unreadable;
       if (fs::is_regular_file(from / end, unreadable)) return (from / end).string();
     }
   }

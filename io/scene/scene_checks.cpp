@@ -193,7 +193,11 @@ void load_body(ConfigDocument& document, const char* list, std::size_t index, co
                      " is empty (\"\"). Name a file: particles and meshes that a program gave in memory are not "
                      "stored with its scene");
   body.file = finder.find(given);
-  if (!fs::is_regular_file(body.file))
+  std::error_code code;
+  const fs::file_status status = fs::status(body.file, code);
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw InputError(where + " names a folder or device (\"" + given + "\", at '" + body.file + "'). Name a file");
+  if (!fs::is_regular_file(status))
     throw InputError(where + " names a file that does not exist (\"" + given + "\", looked for at '" + body.file +
                      "'). " + finder.remedy(given));
   try {

@@ -1,6 +1,7 @@
 #include "io/trajectory/contact_datasets.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace graupel::io {
 
@@ -67,7 +68,13 @@ FrameForces ContactDatasets::read(hsize_t row) const {
   std::vector<Vec3d> values(names.size());
   for (std::size_t q = 0; q < quantities.size(); ++q) {
     datasets[q].read_rows(row, 1, hdf5::Element::float64, values.data());
-    for (std::size_t i = 0; i < forces.size(); ++i) forces[i].*quantities[q].member = values[i];
+    for (std::size_t i = 0; i < forces.size(); ++i) {
+      const Vec3d& value = values[i];
+      if (!std::all_of(value.a, value.a + 3, [](double x) { return std::isfinite(x); }))
+        throw hdf5::Failure("'" + std::string(quantities[q].name) + "' of '" + names[i] + "' in frame " +
+                            std::to_string(row) + " is not finite");
+      forces[i].*quantities[q].member = value;
+    }
   }
   return forces;
 }

@@ -329,6 +329,9 @@ std::vector<Vec3f> TrajectoryReader::initial_velocity(int i) const {
       throw hdf5::Failure("'initial_velocity' and 'position' have different sizes");
     values.resize(dataset.size[0]);
     dataset.read_rows(0, dataset.size[0], hdf5::Element::float32, values.data());
+    for (std::size_t p = 0; p < values.size(); ++p)
+      if (!std::all_of(values[p].a, values[p].a + 3, [](float x) { return std::isfinite(x); }))
+        throw hdf5::Failure("'initial_velocity' of particle " + std::to_string(p) + " is not finite");
     return values;
   });
 }

@@ -21,6 +21,38 @@ TEST(BadInput, BrokenJsonNamesLineAndColumn) {
   EXPECT_TRUE(outcome.says("broken.json:3:16: ")) << outcome.output;  // the second comma
 }
 
+TEST(BadInput, TextAfterANulByteIsNotPassedOver) {
+  const Folder folder;
+  const std::string text = small_scene("") + std::string("\0{ \"frames\": broken", 19);
+  const Outcome outcome = graupel("validate " + folder.write("nul.json", text));
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+  EXPECT_TRUE(outcome.says("a NUL byte")) << outcome.output;
+  const auto named =
+      folder.write("name.json", small_scene(R"("obstacles": [{ "shape": "mesh", "file": "a.obj\u0000.ply" }])"));
+  const Outcome in_name = graupel("validate " + named);
+  EXPECT_EQ(in_name.exit_code, 3) << in_name.output;
+  EXPECT_TRUE(in_name.says("/obstacles/0/file holds the character NUL")) << in_name.output;
+}
+
+TEST(BadInput, PathsThatTheSystemRefusesAreNamed) {
+  const Folder folder;
+  const std::string name(256, 'x');
+  const auto scene =
+      folder.write("long.json", small_scene(R"("obstacles": [{ "shape": "mesh", "file": ")" + name + R"(.obj" }])"));
+  const Outcome geometry = graupel("simulate " + scene);
+  EXPECT_EQ(geometry.exit_code, 3) << geometry.output;
+  EXPECT_TRUE(geometry.says("/obstacles/0/file")) << geometry.output;
+  const auto good = folder.write("good.json", small_scene(""));
+  const Outcome output = graupel("simulate " + good + " --frames 1 -o " + folder.file(std::string(250, 'x') + ".h5"));
+  EXPECT_EQ(output.exit_code, 5) << output.output;
+  EXPECT_TRUE(output.says("Choose a shorter name")) << output.output;
+  const std::string gone = folder.file("gone");
+  const Outcome nowhere = run_program("/bin/sh", "-c 'mkdir " + gone + " && cd " + gone + " && rmdir " + gone +
+                                                     " && " GRAUPEL_BINARY_DIR "/graupel simulate " + good + "'");
+  EXPECT_EQ(nowhere.exit_code, 5) << nowhere.output;
+  EXPECT_TRUE(nowhere.says("Choose another folder")) << nowhere.output;
+}
+
 TEST(BadInput, TextOfFilesDoesNotSteerTheTerminal) {
   const Folder folder;
   const std::string file = folder.write("escape.json", "{ \"\\u001b[31mred\\u009b2J\\u0007\": 1 }");

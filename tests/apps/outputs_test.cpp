@@ -164,6 +164,7 @@ TEST_F(Outputs, ReplaceNoDevice) {
   for (const std::string& arguments :
        {"simulate " + scene_ + " --frames 1 -o " + pipe,
         "simulate " + scene_ + " --frames 1 -o " + folder_.file("a.h5") + " --write-obstacles " + pipe,
+        "simulate " + scene_ + " --frames 1 -o " + folder_.file("a.h5") + " --save-state " + pipe,
         "rollout " + weights_ + " " + scene_ + " --frames 1 -o " + pipe}) {
     const Outcome outcome = graupel(arguments);
     EXPECT_EQ(outcome.exit_code, 5) << outcome.output;

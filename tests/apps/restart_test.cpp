@@ -278,7 +278,8 @@ TEST_F(SavedRunErrors, FlagsThatMakeNoSense) {
   refused("--resume " + scene, 3, "it is no state of a run");
   refused(scene + " --fields stres", 2, "Did you mean 'stress'?");
   refused("", 2, "--resume with a saved state");
-  refused(scene + " --device cpu --frames 1 -o " + folder.file("b.h5") + " --save-state /dev/full", 5, "No space left");
+  refused(scene + " --device cpu --frames 1 -o " + folder.file("b.h5") + " --save-state /dev/full", 5,
+          "no regular file");
 }
 
 TEST(RestartAfter, AStateThatWentElsewhereBeginsATrajectoryOfItsOwn) {

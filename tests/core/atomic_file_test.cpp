@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/system/error.h"
+#include "core/system/output_files.h"
 
 namespace graupel {
 namespace {
@@ -28,6 +29,41 @@ TEST_F(AtomicFileTest, WritesReplacesAndLeavesNoPart) {
   write_file_atomically(path, "second");
   EXPECT_EQ(read_file(path), "second");
   EXPECT_EQ(names_in(folder_), std::vector<std::string>{"a.txt"});
+}
+
+TEST_F(AtomicFileTest, LinksAreFollowed) {
+  fs::create_directories(folder_ / "elsewhere");
+  const std::string file = folder_ / "elsewhere/a.txt", link = folder_ / "link", second = folder_ / "second";
+  fs::create_symlink("elsewhere/a.txt", link);
+  fs::create_symlink(link, second);
+  EXPECT_EQ(follow_links(second).path, (folder_ / "elsewhere/a.txt").string());
+  write_file_atomically(second, "one");  // the file is not there yet
+  EXPECT_EQ(read_file(file), "one");
+  write_part_file(link, [](const std::string& part) { write_file_atomically(part, "two"); });
+  EXPECT_EQ(read_file(file), "two");
+  EXPECT_TRUE(fs::is_symlink(link) && fs::is_symlink(second));
+  check_library_output(link);
+  EXPECT_EQ(names_in(folder_), (std::vector<std::string>{"elsewhere", "link", "second"}));
+  EXPECT_EQ(names_in(folder_ / "elsewhere"), std::vector<std::string>{"a.txt"});
+
+  const std::string circle = folder_ / "circle", nowhere = folder_ / "nowhere", open_file = folder_ / "open";
+  fs::create_symlink(circle, circle);
+  fs::create_symlink("none/a.txt", nowhere);
+  fs::create_symlink("/proc/self/fd/1", open_file);
+  EXPECT_THROW(check_output_file(circle), IoError);
+  EXPECT_THROW(write_file_atomically(circle, "x"), IoError);
+  EXPECT_THROW(check_output_file(nowhere), IoError);
+  EXPECT_THROW(check_library_output(open_file), IoError);
+  EXPECT_TRUE(follow_links(open_file).open_file);
+  EXPECT_TRUE(follow_links("/dev/stdout").open_file || !fs::is_symlink("/dev/stdout"));
+}
+
+TEST_F(AtomicFileTest, NamesThatAreTooLongAreRefusedBeforeTheWork) {
+  const std::string longest = folder_ / std::string(230, 'x'), too_long = folder_ / std::string(240, 'x');
+  check_output_file(longest);
+  write_file_atomically(longest, "one");
+  EXPECT_THROW(check_output_file(too_long), IoError);
+  check_apart({}, {{"a", folder_ / std::string(300, 'x')}, {"b", folder_ / std::string(300, 'y')}});
 }
 
 TEST_F(AtomicFileTest, WritersOfOnePathDoNotDisturbEachOther) {

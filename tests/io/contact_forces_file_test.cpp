@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <limits>
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -54,6 +55,19 @@ TEST(StoredForces, ReadBackExactly) {
   write_frames(writer, 0, 20);
   writer.finish();
   expect_forces(folder.file("a.h5"), 21);
+}
+
+TEST(StoredForces, ThatAreNotFiniteAreRefused) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), sample_header(particles), with_forces);
+  writer.append(frame_at(0));
+  auto forces = forces_at(0);
+  forces[1].torque[2] = std::numeric_limits<double>::quiet_NaN();
+  writer.append_forces(forces);
+  writer.finish();
+  const TrajectoryReader reader(folder.file("a.h5"));
+  expect_error<InputError>([&] { reader.contact_forces(0); },
+                           {"'contact_torque' of 'wall_x_low' in frame 0 is not finite", "a.h5"});
 }
 
 TEST(StoredForces, AreNotInFilesThatDidNotAskForThem) {

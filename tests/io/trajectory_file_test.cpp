@@ -84,6 +84,18 @@ TEST(TrajectoryFile, StoresWhichParticlesAreInTheRun) {
   EXPECT_TRUE(back.frames[3].is_active(2));
 }
 
+TEST(TrajectoryFile, InitialVelocitiesThatAreNotFiniteAreRefused) {
+  const TemporaryFolder folder;
+  TrajectoryWriter writer(folder.file("a.h5"), sample_header(5), {.velocity = false});
+  ParticleFrame first = sample_frame(5, 0);
+  first.velocity[3][1] = std::numeric_limits<float>::infinity();
+  writer.append(first);
+  writer.finish();
+  const TrajectoryReader reader(folder.file("a.h5"));
+  expect_error<InputError>([&] { reader.initial_velocity(0); },
+                           {"'initial_velocity' of particle 3 is not finite", "a.h5"});
+}
+
 TEST(TrajectoryFile, StoresPositionsOnly) {
   TemporaryFolder folder;
   const std::string path = folder.file("a.h5");
