@@ -110,11 +110,13 @@ class VerbsTest(unittest.TestCase):
         self.assertEqual(os.listdir(self.folder), [])
 
     def test_ctrl_c_ends_the_program_too(self):
-        code = ("import graupel, os, signal, threading\n"
+        code = ("import glob, graupel, os, signal, threading\n"
                 "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
                 "threading.Timer(2, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
                 "try:\n    graupel.generate(graupel.scene_path('recipes/hgn'), 'data', changes={'counts.train': 500})\n"
-                "except KeyboardInterrupt:\n    print('interrupted')\n")
+                "except KeyboardInterrupt:\n"
+                "    children = [open(name).read() for name in glob.glob('/proc/self/task/*/children')]\n"
+                "    print('interrupted', ''.join(children))\n")
         done = subprocess.run([sys.executable, "-c", code], cwd=self.folder, capture_output=True, text=True, timeout=60,
                               check=True)
         self.assertEqual(done.stdout.strip(), "interrupted")

@@ -16,6 +16,15 @@ from ._program import PROGRAM
 _KINDS = {kind.exit_code: kind for kind in (ConfigError, InputError, DivergedError, IoError)}
 
 
+def _end(child):
+    """Returns when it has ended, with what it writes kept; after Ctrl-C subprocess waits for a quarter of a second."""
+    child.terminate()
+    try:
+        child.wait(timeout=20)
+    except subprocess.TimeoutExpired:
+        child.kill()
+
+
 def run_program(*words) -> str:
     """What the program writes to standard output. Raises by its exit code; Ctrl-C ends it too."""
     if not PROGRAM.is_file():
@@ -25,7 +34,7 @@ def run_program(*words) -> str:
         try:
             output, messages = child.communicate()
         except BaseException:
-            child.terminate()
+            _end(child)
             raise
     if child.returncode == 0:
         return output
