@@ -180,9 +180,9 @@ TEST(MeshFile, NamesTheFault) {
   fails("e.obj", "v 0 0 0.5x\n" + points + "f 1 2 3\n", "(line 1: 'v 0 0 0.5x')");
   for (const std::string face : {"1.5 2 3", "1 2 4abc", "2x 1 3", "1/1/ 2 3", "1/x 2 3", "1 2 3 \\"})
     fails("f.obj", points + "f " + face + "\n", "is no index (line 4: 'f " + face + "')");
-  std::string corners;
-  for (int i = 0; i < 1700; ++i) corners += " 1 2 3";
-  fails("h.obj", points + "f" + corners + "\n", "has 5100 corners, at most 5000 are cut into triangles (line 4");
+  std::string many_corners;
+  for (int i = 0; i < 1700; ++i) many_corners += " 1 2 3";
+  fails("h.obj", points + "f" + many_corners + "\n", "has 5100 corners, at most 5000 are cut into triangles (line 4");
   fails("i.obj", points + std::string("f 1\0 2 3\n", 10), "NUL byte");
   fails("g.obj", points + "\tf 1 2\r\n", "fewer than three corners (line 4: ' f 1 2')");
   fails("a.ply", "plx\n", "not a PLY file");
