@@ -33,6 +33,22 @@ bool is_complete(const fs::path& file) {
   }
 }
 
+/// Whether all numbers can be read: checksums of chunks tell of damage that is_complete() does not see.
+bool is_whole(const fs::path& part) {
+  constexpr int64_t at_once = 16;
+  try {
+    const io::TrajectoryReader reader(part);
+    reader.initial_velocity(0);
+    reader.contact_forces(0);
+    const auto frames = static_cast<int64_t>(reader.header(0).frame_count());
+    for (int64_t first = 0; first < frames; first += at_once)
+      reader.frames(0, first, std::min(at_once, frames - first), reader.fields(0));
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
 /// Which scenes are missing, running them, merging the splits.
 class DataSet {
  public:
@@ -42,6 +58,7 @@ class DataSet {
   nlohmann::ordered_json make() {
     make_folder(folder_);
     run_jobs(missing_scenes());
+    if (remove_damaged_parts()) run_jobs(missing_scenes());
     return merge();
   }
 
@@ -59,6 +76,7 @@ class DataSet {
   void note_time(double seconds) const;
   void run_jobs(const std::vector<SceneJob>& jobs);
   void log_redraw(const SceneJob& job, const std::string& reason) const;
+  bool remove_damaged_parts() const;
   bool merge_split(mpm::Split split, nlohmann::ordered_json& result) const;
   nlohmann::ordered_json merge() const;
   void remove_parts(mpm::Split split) const {
@@ -103,7 +121,11 @@ void DataSet::check_or_write_card() const {
   facts["made_in"] = nlohmann::ordered_json::array();
   if (!fs::exists(card)) return write_file_atomically(card, facts.dump(2) + "\n");
   const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
-  bool same = old.is_object() && old.value("seed", uint64_t(0)) == source_.seed();
+  if (!old.is_object() || !old.contains("seed") || !old["seed"].is_number_integer())
+    throw InputError("'" + card.string() +
+                     "' is damaged (no JSON object with a seed). Remove it, and the scenes in the folder are taken for "
+                     "those of this recipe, or choose another --output");
+  bool same = old["seed"].get<uint64_t>() == source_.seed();
   for (const auto& [key, value] : scenes.items()) same = same && old.contains(key) && old[key] == value;
   if (!same)
     throw ConfigError("'" + folder_.string() +
@@ -168,6 +190,25 @@ void DataSet::log_redraw(const SceneJob& job, const std::string& reason) const {
                   "). Free space on that disk, or choose a folder you may write to");
   std::fprintf(stderr, "generate: %s diverged and is redrawn (%s)\n", source_.text(job).c_str(),
                printable(reason).c_str());
+}
+
+/// Whether there were any; of splits whose parts are all there, which are about to be merged.
+bool DataSet::remove_damaged_parts() const {
+  const FileLock hold = lock();
+  bool any = false;
+  for (const mpm::Split split : all_splits) {
+    std::vector<fs::path> parts;
+    for (int64_t i = 0; i < source_.count(split); ++i)
+      if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+    if (static_cast<int64_t>(parts.size()) < source_.count(split)) continue;
+    for (const fs::path& part : parts) {
+      if (is_whole(part)) continue;
+      std::fprintf(stderr, "generate: '%s' is damaged and is made again\n", printable(part.string()).c_str());
+      fs::remove(part);
+      any = true;
+    }
+  }
+  return any;
 }
 
 /// Whether the split is whole.

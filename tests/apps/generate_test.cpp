@@ -61,6 +61,29 @@ TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   EXPECT_TRUE(other.says("another device (there cuda, here cpu)")) << other.output;
 }
 
+TEST(Generate, DamagedPartsAreMadeAgain) {
+  const Folder folder;
+  const std::string whole = folder.file("whole"), set = folder.file("set"), card = set + "/dataset.json";
+  ASSERT_EQ(graupel("generate " + recipe_flags + " -o " + whole).exit_code, 0);
+  ASSERT_EQ(graupel("generate " + recipe_flags + " --shard 1/2 -o " + set).exit_code, 0);
+  const std::string facts = read_file(card), part = set + "/parts/" + names_in(set + "/parts").front();
+  std::string bytes = read_file(part);
+  bytes.replace(bytes.size() / 2, 64, std::string(64, '\xff'));
+  write_file_atomically(part, bytes);
+
+  write_file_atomically(card, "{");
+  const Outcome no_card = graupel("generate " + recipe_flags + " -o " + set);
+  EXPECT_EQ(no_card.exit_code, 3) << no_card.output;
+  EXPECT_TRUE(no_card.says("dataset.json' is damaged") && no_card.says("Remove it")) << no_card.output;
+
+  write_file_atomically(card, facts);
+  const Outcome again = graupel("generate " + recipe_flags + " -o " + set);
+  EXPECT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_TRUE(again.says(part + "' is damaged and is made again")) << again.output;
+  for (const char* name : {"train.h5", "valid.h5", "test.h5"})
+    EXPECT_TRUE(read_file(whole + "/" + name) == read_file(set + "/" + name)) << name << " differs";
+}
+
 /// Groups of two materials at speed, by one thread and by two shards; another seed gives others.
 TEST(Generate, LargeScenesHaveTheSameBytesForASeed) {
   const Folder folder;
