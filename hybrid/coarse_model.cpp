@@ -7,8 +7,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "mpm/materials/material_parameters.h"
 #include "mpm/scene_variants.h"
@@ -65,17 +65,6 @@ double of_law(const std::map<MaterialModel, double>& numbers, MaterialModel law,
   return found == numbers.end() ? otherwise : found->second;
 }
 
-/// Of the bodies and streams: others that a scene names set no step.
-std::vector<MaterialConfig> materials_in_use(const Scene& scene) {
-  std::set<std::string> names;
-  for (const Source& source : scene.sources) names.insert(source.material);
-  for (const Emitter& emitter : scene.emitters) names.insert(emitter.material);
-  std::vector<MaterialConfig> used;
-  for (const auto& [name, config] : scene.materials)
-    if (names.contains(name)) used.push_back(config);
-  return used;
-}
-
 /// c T / (C dx) of a material's elastic waves at rest, or of the slowest that count.
 double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const CourantNumbers& log_courant) {
   const double limit = std::exp(of_law(log_courant.waves, config.model, std::log(untrained_courant)));
@@ -87,7 +76,7 @@ double substeps_of_waves(const Scene& scene, const MaterialConfig& config, const
 /// The least of the numbers of the laws in use, `otherwise` where nothing is.
 double least_of_laws(const Scene& scene, const std::map<MaterialModel, double>& numbers, double otherwise) {
   std::optional<double> least;
-  for (const MaterialConfig& config : materials_in_use(scene)) {
+  for (const auto& [name, config] : materials_in_use(scene)) {
     const double own = of_law(numbers, config.model, otherwise);
     least = std::min(own, least.value_or(own));
   }
@@ -108,7 +97,7 @@ int64_t substeps_of_largest_step(const Scene& scene, const CourantNumbers& log_c
   const double frame = scene.frame_time / scene.domain.dx;
   double substeps =
       std::max(expected_speed(scene) * frame / std::exp(log_courant.speed), scripted_speed(scene) * frame);
-  for (const MaterialConfig& config : materials_in_use(scene))
+  for (const auto& [name, config] : materials_in_use(scene))
     substeps = std::max(substeps,
                         substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_factor, config.model, 0)));
   return whole_substeps(substeps);
@@ -201,7 +190,7 @@ int64_t CoarseModel::opponent_substeps(const Scene& of) const {
 
 int64_t CoarseModel::wave_substeps(const Scene& scene) const {
   double substeps = 0;
-  for (const MaterialConfig& config : materials_in_use(scene))
+  for (const auto& [name, config] : materials_in_use(scene))
     substeps = std::max(substeps,
                         substeps_of_waves(scene, config, log_courant) * std::exp(of_law(log_safety, config.model, 0)));
   return whole_substeps(substeps);

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "core/scene/materials_by_type.h"
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
 
@@ -18,7 +19,7 @@ constexpr const char *ranges_key = "training.ranges", *contacts_key = "training.
 
 template <typename Visit>
 void visit_materials(const Scene& scene, Visit&& visit) {
-  for (const auto& [name, material] : scene.materials) visit_constants(material, visit);
+  for (const auto& [name, material] : materials_in_use(scene)) visit_constants(material, visit);
 }
 
 template <typename Visit>

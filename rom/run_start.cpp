@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "rom/cubature/sample_selection.h"
 
@@ -18,7 +19,7 @@ void check_deformation_scene(const Scene& scene) {
         "the scene's transfers carry affine velocities (transfer.scheme {}), and this reduced model knows none. Train "
         "and run it with transfer.scheme pic",
         word_of(scene.transfer.scheme)));
-  for (const auto& [name, material] : scene.materials)
+  for (const auto& [name, material] : materials_in_use(scene))
     if (material.model != MaterialModel::jelly && material.model != MaterialModel::neo_hookean &&
         material.model != MaterialModel::stationary)
       throw ConfigError(fmt::format(

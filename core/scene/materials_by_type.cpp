@@ -1,8 +1,10 @@
 #include "core/scene/materials_by_type.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
+#include "core/scene/scene.h"
 #include "core/system/error.h"
 
 namespace graupel {
@@ -46,6 +48,16 @@ ParticleMaterials kept_materials(const std::map<std::string, MaterialConfig>& ma
   ParticleMaterials kept{std::move(index), {}};
   for (const auto& [name, material] : materials) kept.names.push_back(name);
   return kept;
+}
+
+std::map<std::string, MaterialConfig> materials_in_use(const Scene& scene) {
+  std::set<std::string> names;
+  for (const Source& source : scene.sources) names.insert(source.material);
+  for (const Emitter& emitter : scene.emitters) names.insert(emitter.material);
+  std::map<std::string, MaterialConfig> used;
+  for (const auto& [name, config] : scene.materials)
+    if (names.contains(name)) used.emplace(name, config);
+  return used;
 }
 
 }  // namespace graupel

@@ -35,4 +35,8 @@ class MaterialsByType {
 /// types tell all, or where there are more than 4096 materials, which a file does not name.
 ParticleMaterials kept_materials(const std::map<std::string, MaterialConfig>& materials, std::vector<int32_t> index);
 
+struct Scene;
+/// Those of the scene's materials that a source or an emitter is of.
+std::map<std::string, MaterialConfig> materials_in_use(const Scene& scene);
+
 }  // namespace graupel

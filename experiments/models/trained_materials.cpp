@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "core/scene/material_config.h"
+#include "core/scene/materials_by_type.h"
 #include "core/system/error.h"
 #include "graph/features/material_constants.h"
 #include "io/config/config_writer.h"
@@ -90,7 +91,7 @@ std::vector<std::string> outside(std::vector<std::string> lines) {
 std::vector<std::string> unlike_ranges(const nn::Weights& weights, const nn::TrainedBox& box, const Scene& scene) {
   std::vector<std::string> lines = outside(box.unlike_materials(scene));
   const bool sees_constants = sees(weights, "material_constants");
-  for (const auto& [name, material] : scene.materials)
+  for (const auto& [name, material] : materials_in_use(scene))
     nn::visit_constants(material, [&, &own = material](const std::string& key, double value) {
       if (!sees_constants || !is_feature(own, key, 2 * value + 1)) name_varied(box, key, value, lines);
     });
@@ -117,7 +118,7 @@ std::vector<std::string> unlike_training(const nn::Weights& weights, const Scene
   if (known == weights.metadata.end()) return {};
   const auto trained = read_materials(weights, known->second);
   std::vector<std::string> lines;
-  for (const auto& [name, material] : scene.materials) {
+  for (const auto& [name, material] : materials_in_use(scene)) {
     bool taught = false;
     std::string difference;
     for (const auto& [trained_name, candidate] : trained) {

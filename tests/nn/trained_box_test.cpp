@@ -18,6 +18,8 @@ Scene sand_of(double friction_angle, double wall_friction) {
   Scene scene;
   scene.materials["dune"].model = MaterialModel::sand;
   scene.materials["dune"].friction_angle = friction_angle;
+  scene.materials["spare"].model = MaterialModel::metal;  // of no body
+  scene.sources.emplace_back().material = "dune";
   scene.domain.wall_friction = wall_friction;
   return scene;
 }
@@ -31,6 +33,7 @@ TEST(TrainedBox, HoldsWhatItWasWidenedBy) {
   EXPECT_TRUE(box.is_told());
   EXPECT_EQ(box.ranges.at("sand.friction_angle"), std::make_pair(20.0, 45.0));
   EXPECT_FALSE(box.ranges.contains("sand.viscosity"));  // of water alone
+  EXPECT_FALSE(box.ranges.contains("metal.yield_stress"));
   EXPECT_THAT(box.unlike_materials(sand_of(30, 0)), IsEmpty());
   EXPECT_THAT(box.unlike_contacts(sand_of(50, 0.4)), IsEmpty());
   EXPECT_THAT(box.unlike_materials(sand_of(50, 0.4)), Contains("sand.friction_angle is 50, of the training 20 to 45"));

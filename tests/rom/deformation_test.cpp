@@ -436,6 +436,9 @@ TEST(DeformationModel, SurvivesAFileAndRefusesWhatItCannotKnow) {
   } catch (const ConfigError& error) {
     EXPECT_NE(std::string(error.what()).find("material 'jelly' is not elastic"), std::string::npos) << error.what();
   }
+  Scene with_spare = scene;
+  with_spare.materials["spare"].model = MaterialModel::sand;  // of no body
+  EXPECT_NO_THROW(check_deformation_scene(with_spare));
   Scene affine = scene;
   affine.transfer.scheme = TransferScheme::apic;
   EXPECT_THROW(ReducedSolver<double>(model, mpm::PreparedScene(affine, {.seed = scene.seed}), {}, {}), ConfigError);
