@@ -12,7 +12,7 @@ namespace graupel::fuzz {
 namespace {
 
 constexpr std::size_t most_at_once = std::size_t(64) << 20;  ///< [bytes]; inputs are below 100 kB
-#ifdef __SANITIZE_THREAD__
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
 constexpr double most_seconds = 200;
 #else
 constexpr double most_seconds = 10;  ///< of processor time; usual are milliseconds

@@ -18,12 +18,12 @@ namespace graupel::fuzz {
 namespace {
 
 constexpr double seed_frame_time = 1.0 / 60, seed_dx = 1.0 / 16;  ///< of the networks in corpus/safetensors
-/// Networks of finer cells are read, and not rolled out, by libFuzzer's build [m]: its sanitizers make a second of
-/// their millions of cells a minute.
+/// libFuzzer's build has a smaller box [m], since two thirds of its time went to the box's cells, and reads networks of
+/// finer cells [m] without rolling them out: its sanitizers make a second of their millions of cells a minute.
 #ifdef GRAUPEL_LIBFUZZER
-constexpr double least_spacing = 0.01;
+constexpr double edge = 0.5, least_spacing = 0.01;
 #else
-constexpr double least_spacing = 0;
+constexpr double edge = 1, least_spacing = 0;
 #endif
 
 /// Whether a rollout takes more than files of this size should in a test: a frame of millions of cells, or particles of
@@ -39,13 +39,14 @@ constexpr int64_t most_substeps = 1000;  ///< of a frame of a reduced model that
 Scene box_with_ball() {
   Scene scene;
   scene.domain.dx = seed_dx;
+  scene.domain.size = {edge, edge, edge};
   scene.frame_time = seed_frame_time;
   scene.materials["water"] = *material_preset("water");
   scene.materials["water"].name = "water";
   Obstacle ball;
   ball.shape = Shape::sphere;
-  ball.radius = 0.2;
-  ball.position = {0.5, 0.4, 0.5};
+  ball.radius = 0.2 * edge;
+  ball.position = {0.5 * edge, 0.4 * edge, 0.5 * edge};
   scene.obstacles.push_back(ball);
   return scene;
 }
@@ -67,7 +68,8 @@ void run_network(const std::shared_ptr<const nn::Weights>& weights) {
   std::vector<Vec3f> position;
   for (int i = 0; i < 12; ++i) {
     const auto step = static_cast<float>(i);
-    position.push_back({0.4f + 0.013f * step, 0.7f - 0.007f * step, config.in_plane() ? 0.5f : 0.45f + 0.01f * step});
+    const float depth = config.in_plane() ? 0.5f : 0.45f + 0.01f * step;
+    position.push_back(Vec3f{0.4f + 0.013f * step, 0.7f - 0.007f * step, depth} * static_cast<float>(edge));
   }
   const std::vector<int32_t> type(position.size(), 5);
   const std::vector<Vec3f> velocity(position.size(), Vec3f{0.1f, -1, 0});
