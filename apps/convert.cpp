@@ -25,8 +25,8 @@ std::vector<std::string> with_plain_files(std::vector<std::string> words) {
 void convert_one(std::vector<std::string> words) {
   CommandLine flags("Convert a file", "graupel convert");
   FileConversion file;
-  flags.option("input", file.input, "").required();
-  flags.option("output", file.output, "").required();
+  flags.option("input", file.input, "").names_file().required();
+  flags.option("output", file.output, "").names_file().required();
   flags.option("--numbers", file.numbers, "").check(one_of({"f32", "f16", "bf16", "i8"}));
   flags.option("--keep", file.keep, "").delimiter(',');
   flags.option("--set", file.set, "").one_value_each();

@@ -88,7 +88,7 @@ class Settings {
 };
 
 void read_settings(const nn::Weights& weights, const Json& json, ReducedModel& model) {
-  constexpr double largest = 1e30;  // what an f32 holds with room to spare
+  constexpr double smallest = 1e-30, largest = 1e30;  // what an f32 holds with room to spare
   const Settings settings(weights, json);
   settings.refuse_others({"parameters", "substeps_per_frame", "frame_time", "affine", "latent_reach", "usual_error",
                           "interpolation", "step_factor", "contact_weight", "manifold_pull", "projection", "quadrature",
@@ -98,11 +98,14 @@ void read_settings(const nn::Weights& weights, const Json& json, ReducedModel& m
     const double low = settings.number(p.at("low"), "the low end of " + name, -largest, largest),
                  high = settings.number(p.at("high"), "the high end of " + name, low, largest);
     model.parameters.push_back({name, p.at("unit"), p.at("keys"), low, high});
+    if (model.parameters.back().keys.empty())
+      throw InputError(fmt::format("'{}' has no keys of its parameter '{}' (allowed: 1 or more). Train the model again",
+                                   weights.file, name));
   }
   model.substeps_per_frame = static_cast<int64_t>(settings.number("substeps_per_frame", 1, 1e6));
   model.frame_time = settings.number("frame_time", 1e-9, 1e3);
   settings.word("affine", model.affine_kind);
-  model.latent_reach = settings.number("latent_reach", 0, largest);
+  model.latent_reach = settings.number("latent_reach", smallest, largest);
   model.usual_error = settings.number_or("usual_error", 0, 0, largest);
   if (json.contains("interpolation")) {
     const Settings errors(weights, json.at("interpolation"));

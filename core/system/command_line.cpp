@@ -75,6 +75,16 @@ void add_hint(CLI::Option& option, const char* kind, const std::vector<std::stri
   option.check(CLI::Validator([](std::string&) { return std::string(); }, "", kind + joined(words)));
 }
 
+/// An empty name would be that of the default, or of none.
+void refuse_empty(CLI::Option& option) {
+  option.check(CLI::Validator(
+      [](std::string& text) {
+        return text.empty() ? std::string("is empty (allowed: the name of a file or folder). Give one, or leave it out")
+                            : std::string();
+      },
+      ""));
+}
+
 /// What follows `kind` in the names of the option's checks, one text for each.
 std::vector<std::string> hints_of(CLI::Option& option, const std::string& kind) {
   std::vector<std::string> hints;
@@ -197,11 +207,13 @@ CommandOption CommandOption::values(int count) const {
 }
 
 CommandOption CommandOption::names_file(const std::vector<std::string>& endings) const {
+  refuse_empty(*option_);
   add_hint(*option_, file_hint, endings);
   return *this;
 }
 
 CommandOption CommandOption::names_folder() const {
+  refuse_empty(*option_);
   add_hint(*option_, folder_hint, {});
   return *this;
 }

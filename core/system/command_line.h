@@ -56,8 +56,8 @@ class CommandOption {
   /// Of a list: all values of all times that the option is given.
   CommandOption take_all() const;
   CommandOption values(int count) const;
-  /// Its value names a file with one of these endings (".h5"; none: any file) or a folder. Shells offer them; nothing
-  /// is checked.
+  /// Its value names a file with one of these endings (".h5"; none: any file) or a folder. Shells offer them; it must
+  /// not be empty, and nothing else is checked.
   CommandOption names_file(const std::vector<std::string>& endings = {}) const;
   CommandOption names_folder() const;
   /// Words that shells offer beside others that are allowed too.

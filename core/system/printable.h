@@ -38,4 +38,22 @@ inline std::string printable(std::string_view text) {
   return out;
 }
 
+/// `text`, of a longer one the first `limit` bytes, without a part of a character, and "...".
+inline std::string shortened(std::string_view text, std::size_t limit = 60) {
+  if (text.size() <= limit) return std::string(text);
+  while (limit > 0 && (static_cast<unsigned char>(text[limit]) & 0xc0) == 0x80) --limit;
+  return std::string(text.substr(0, limit)) + "...";
+}
+
+/// An error's text; of one that quotes a large part of a file the begin, which names the file, and the end, which has
+/// the remedy.
+inline std::string shortened_message(std::string_view text) {
+  constexpr std::size_t begin = 2500, end = 1000;
+  if (text.size() <= begin + end) return std::string(text);
+  return shortened(text, begin) + " " + std::string(text.substr(text.size() - end));
+}
+
+/// The same for a terminal.
+inline std::string message_text(std::string_view text) { return printable(shortened_message(text)); }
+
 }  // namespace graupel

@@ -129,7 +129,8 @@ void validate(ValidateOptions& options) {
   nlohmann::ordered_json result = {{"kind", "validation"}, {"files", nlohmann::ordered_json::array()}};
   std::size_t count = 0;
   for (const std::string& file : options.files) {
-    const std::vector<std::string> mistakes = mistakes_in(file);
+    std::vector<std::string> mistakes = mistakes_in(file);
+    for (std::string& mistake : mistakes) mistake = shortened_message(mistake);
     result["files"].push_back({{"file", file}, {"errors", mistakes}});
     count += mistakes.size();
     for (const std::string& mistake : mistakes) std::printf("%s\n", printable(mistake).c_str());

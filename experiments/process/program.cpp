@@ -56,6 +56,7 @@ int run_command(int argc, char** argv, const char* name, const char* description
   declare(program, exit_code);
   if (argc == 2 && std::string_view(argv[1]) == io::describe_word) {
     std::fputs(io::command_json(program.description()).c_str(), stdout);
+    flush_standard_output();
     return static_cast<int>(ExitCode::ok);
   }
   catch_stop_signals(StopPolicy::within_a_second);
@@ -72,11 +73,12 @@ int run_command(int argc, char** argv, const char* name, const char* description
 int run_program(int argc, char** argv, const char* name, const char* description,
                 const std::function<void(const CommandLine&, int&)>& declare) {
   limit_spinning(argv);
+  open_closed_streams();
   install_last_resort(name, less_memory);
   try {
     return run_command(argc, argv, name, description, declare);
   } catch (const Error& error) {
-    std::fprintf(stderr, "%s: %s\n", name, printable(error.what()).c_str());
+    std::fprintf(stderr, "%s: %s\n", name, message_text(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "%s: out of memory. %s\n", name, less_memory);
@@ -86,12 +88,13 @@ int run_program(int argc, char** argv, const char* name, const char* description
     return static_cast<int>(ExitCode::io);
   } catch (const std::system_error& error) {
     const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
-    std::fprintf(stderr, "%s: %s%s\n", name, printable(error.what()).c_str(),
+    std::fprintf(stderr, "%s: %s%s\n", name, message_text(error.what()).c_str(),
                  no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");
   } catch (const std::exception& error) {
     const bool no_memory = std::string_view(error.what()).ends_with("malloc failed");  // NanoVDB's words
-    std::fprintf(stderr, "%s: %s\n", name,
-                 no_memory ? (std::string("out of memory. ") + less_memory).c_str() : printable(error.what()).c_str());
+    std::fprintf(
+        stderr, "%s: %s\n", name,
+        no_memory ? (std::string("out of memory. ") + less_memory).c_str() : message_text(error.what()).c_str());
   }
   return static_cast<int>(ExitCode::failed);
 }

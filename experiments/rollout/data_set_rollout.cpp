@@ -164,7 +164,7 @@ void DataSetRollout::report() const {
   std::map<std::string, int64_t> alone;  // reasons
   std::string diverged;
   double first = 0, all = 0;
-  std::size_t frames = 0, compared = 0;
+  std::size_t frames = 0, with_rest = 0, with_first = 0, with_all = 0;  // the last two: trajectories
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const Row& row = rows_[i];
     frames += row.frames;
@@ -177,11 +177,13 @@ void DataSetRollout::report() const {
                     {"diverged_at_frame", row.diverged_at_frame},
                     {"alone", row.alone}});
     if (row.error.frames == 0) continue;
-    ++compared;
-    first += row.error.first;
-    all += row.error.all;
-    rows.back()["position_mse_20"] = row.error.first;
-    rows.back()["position_mse_all"] = row.error.all;
+    ++with_rest;
+    with_first += row.error.first ? 1 : 0;
+    with_all += row.error.all ? 1 : 0;
+    first += row.error.first.value_or(0);
+    all += row.error.all.value_or(0);
+    rows.back()["position_mse_20"] = mse_json(row.error.first);
+    rows.back()["position_mse_all"] = mse_json(row.error.all);
   }
   nlohmann::ordered_json json = {
       {"output", options_.output}, {"trajectories", rows_.size()}, {"frames", frames}, {"seconds", seconds_}};
@@ -196,13 +198,15 @@ void DataSetRollout::report() const {
   }
   for (const auto& [reason, count] : alone)
     std::fprintf(stderr, "%lld ran alone: %s\n", static_cast<long long>(count), reason.c_str());
-  if (compared > 0) {
-    first /= static_cast<double>(compared);
-    all /= static_cast<double>(compared);
-    std::fprintf(stderr, "position MSE, mean of %zu trajectories: %.3g m^2 over up to 20 frames, %.3g m^2 over all\n",
-                 compared, first, all);
-    json["position_mse_20"] = first;
-    json["position_mse_all"] = all;
+  if (with_rest > 0) {
+    const auto mean = [](double sum, std::size_t n) {
+      return n > 0 ? std::optional(sum / static_cast<double>(n)) : std::nullopt;
+    };
+    const std::optional<double> mean_first = mean(first, with_first), mean_all = mean(all, with_all);
+    std::fprintf(stderr, "position MSE, mean of %zu trajectories: %s over up to 20 frames, %s over all\n", with_all,
+                 mse_text(mean_first).c_str(), mse_text(mean_all).c_str());
+    json["position_mse_20"] = mse_json(mean_first);
+    json["position_mse_all"] = mse_json(mean_all);
   }
   json["rows"] = rows;
   options_.common.write_json(json);

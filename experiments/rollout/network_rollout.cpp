@@ -30,12 +30,12 @@ void report(const RolloutOptions& options, const Trajectory& trajectory, const R
                                  {"seconds_per_frame", middle},
                                  {"diverged_at_frame", trajectory.diverged_at_frame}};
   if (error.frames > 0) {
-    std::fprintf(stderr, "position MSE against '%s'%s: %.3g m^2 over %zu frames, %.3g m^2 over %zu\n",
-                 options.input.c_str(), options.set.empty() ? "" : " (a run without --set)", error.first,
-                 std::min(error.frames, first_frames), error.all, error.frames);
+    std::fprintf(stderr, "position MSE against '%s'%s: %s over %zu frames, %s over %zu\n", options.input.c_str(),
+                 options.set.empty() ? "" : " (a run without --set)", mse_text(error.first).c_str(),
+                 std::min(error.frames, first_frames), mse_text(error.all).c_str(), error.frames);
     json["compared_frames"] = error.frames;
-    json["position_mse_20"] = error.first;
-    json["position_mse_all"] = error.all;
+    json["position_mse_20"] = mse_json(error.first);
+    json["position_mse_all"] = mse_json(error.all);
   }
   options.common.write_json(json);
 }

@@ -3,13 +3,27 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "compare/metrics/position_error.h"
+#include "core/scene/kinematic_particles.h"
 #include "core/system/error.h"
 #include "experiments/models/trained_materials.h"
 #include "nn/trained_box.h"
 
 namespace graupel::experiments {
+
+namespace {
+
+/// Whether a particle counts in one of the frames 1 to `frames`: it moves by itself and is in both runs.
+bool any_counts(const compare::ParticleRun& truth, const compare::ParticleRun& run, std::size_t frames) {
+  for (std::size_t f = 1; f <= frames; ++f)
+    for (std::size_t i = 0; i < run.size(); ++i)
+      if (moves_by_itself(run.trajectory.particle_type[i]) && truth.is_active(f, i) && run.is_active(f, i)) return true;
+  return false;
+}
+
+}  // namespace
 
 RolloutError error_of(Trajectory& trajectory, RolloutStart& start) {
   if (start.rest.empty()) return {};
@@ -23,8 +37,21 @@ RolloutError error_of(Trajectory& trajectory, RolloutStart& start) {
     frame.active = std::move(start.rest_active[f]);
   }
   const auto curve = compare::position_error_curve(truth, run);
+  const auto mean = [&](std::size_t frames) {
+    return any_counts(truth, run, std::min(frames, curve.size())) ? std::optional(compare::mean_of_first(curve, frames))
+                                                                  : std::nullopt;
+  };
+  RolloutError error{curve.size(), mean(first_frames), mean(curve.size())};
   trajectory = std::move(run.trajectory);
-  return {curve.size(), compare::mean_of_first(curve, first_frames), compare::mean_of_first(curve, curve.size())};
+  return error;
+}
+
+std::string mse_text(const std::optional<double>& error) {
+  return error ? fmt::format("{:.3g} m^2", *error) : "no particle to compare";
+}
+
+nlohmann::ordered_json mse_json(const std::optional<double>& error) {
+  return error ? nlohmann::ordered_json(*error) : nlohmann::ordered_json();
 }
 
 void check_scene(const RolloutStart& start, const RolloutOptions& options) {

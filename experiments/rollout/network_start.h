@@ -1,6 +1,8 @@
 // What a graph network's rollouts start from, alone and of a data set: checks, options, and the error at the end.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,13 +15,17 @@ namespace graupel::experiments {
 
 /// How far a rollout is from the rest of the trajectory that it started from.
 struct RolloutError {
-  std::size_t frames = 0;     ///< compared
-  double first = 0, all = 0;  ///< position MSE [m^2] of the first 20 frames, and of all
+  std::size_t frames = 0;            ///< compared
+  std::optional<double> first, all;  ///< position MSE [m^2] of the first 20 frames, and of all; none without a particle
 };
 constexpr std::size_t first_frames = 20;
 
 /// The start's rest is used up.
 RolloutError error_of(Trajectory& trajectory, RolloutStart& start);
+
+/// "1.2e-05 m^2" or "no particle to compare"; as JSON a number or null.
+std::string mse_text(const std::optional<double>& error);
+nlohmann::ordered_json mse_json(const std::optional<double>& error);
 
 /// Throws ConfigError for a density limit in two dimensions.
 void check_scene(const RolloutStart& start, const RolloutOptions& options);

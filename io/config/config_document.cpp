@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/system/error.h"
+#include "core/system/printable.h"
 
 namespace graupel::io {
 
@@ -36,47 +37,58 @@ std::vector<std::string> split(const std::string& path) {
   }
 }
 
+constexpr std::size_t shown_override = 120, shown_value = 60;  ///< bytes of them in messages
+
+/// Whether an override's key names an item of a list.
+bool is_item(const std::string& key) {
+  return !key.empty() && std::all_of(key.begin(), key.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
 JsonNode& list_item(JsonNode& list, const std::string& key, const std::string& where) {
   std::size_t index = 0;
   const auto result = std::from_chars(key.data(), key.data() + key.size(), index);
-  if (result.ec != std::errc() || result.ptr != key.data() + key.size() || index >= list.items.size())
-    throw ConfigError(where + "there is no list item '" + key + "' (the list has " + std::to_string(list.items.size()) +
-                      ", counted from 0). Name one of them");
-  return list.items[index];
+  if (result.ec == std::errc() && result.ptr == key.data() + key.size() && index < list.items.size())
+    return list.items[index];
+  const bool empty = list.items.empty();
+  throw ConfigError(where + "there is no list item '" + shortened(key, shown_value) + "' (the list " +
+                    (empty ? "is empty" : "has " + std::to_string(list.items.size()) + ", counted from 0") + "). " +
+                    (empty ? "Give the whole list" : "Name one of them"));
 }
 
-void apply_override(JsonNode& root, const std::string& text, const std::string& name) {
-  const std::string where = name + " (override " + text + "): ";
+/// What stands for a key that the text lacks while an override names something inside it.
+JsonNode implied_value(const std::vector<std::string>& keys, std::size_t at, const std::string& text,
+                       const DefaultLists& defaults) {
+  const auto path_end = keys.begin() + static_cast<std::ptrdiff_t>(at) + 1;
+  std::optional<JsonNode> list;
+  if (defaults && path_end != keys.end() && is_item(*path_end)) list = defaults({keys.begin(), path_end});
+  JsonNode made = list.value_or(JsonNode::object());
+  mark_override(made, text);
+  made.implied = !list;
+  return made;
+}
+
+void apply_override(JsonNode& root, const std::string& text, const std::string& name, const DefaultLists& defaults) {
+  const std::string where = name + " (override " + shortened(text, shown_override) + "): ";
   const auto equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
     throw ConfigError(where + "not an override. Write it as key.path=value, e.g. domain.dx=0.01");
   const std::vector<std::string> keys = split(text.substr(0, equals));
   JsonNode* node = &root;
-  for (const auto& key : keys) {
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const std::string& key = keys[i];
     if (node->kind == JsonNode::Kind::array) {
       node = &list_item(*node, key, where);
     } else if (node->kind == JsonNode::Kind::object) {
       JsonNode* next = node->find(key);
-      if (!next) {
-        JsonNode made = JsonNode::object();
-        made.override_text = text;
-        made.implied = true;
-        next = &node->set(key, std::move(made));
-      }
-      node = next;
+      node = next ? next : &node->set(key, implied_value(keys, i, text, defaults));
     } else {
-      throw ConfigError(where + "there is no '" + key + "' here (" + write_json(*node, JsonLayout::compact) +
+      throw ConfigError(where + "there is no '" + shortened(key, shown_value) + "' here (" +
+                        shortened(write_json(*node, JsonLayout::compact), shown_value) +
                         " has no keys). Shorten the path");
     }
   }
   *node = override_value(text.substr(equals + 1), where);
   mark_override(*node, text);
-}
-
-std::string shortened(std::string text, std::size_t limit) {
-  if (text.size() <= limit) return text;
-  text.resize(limit);
-  return text + "...";
 }
 
 }  // namespace
@@ -101,15 +113,15 @@ JsonNode override_value(const std::string& value, const std::string& where) {
 }
 
 ConfigDocument ConfigDocument::parse(const std::string& text, const std::string& name,
-                                     const std::vector<std::string>& overrides) {
+                                     const std::vector<std::string>& overrides, const DefaultLists& defaults) {
   ConfigDocument document{name, parse_json(text, name), nullptr};
-  for (const auto& one : overrides) apply_override(document.root, one, name);
+  for (const auto& one : overrides) apply_override(document.root, one, name, defaults);
   return document;
 }
 
 ConfigPlace ConfigPlace::child(std::string_view key, const JsonNode& value) const {
   std::string escaped;
-  for (const char c : key) {
+  for (const char c : shortened(key, shown_value)) {
     if (c == '~') {
       escaped += "~0";
     } else if (c == '/') {
@@ -123,11 +135,12 @@ ConfigPlace ConfigPlace::child(std::string_view key, const JsonNode& value) cons
 
 std::string ConfigPlace::text() const {
   const std::string where = pointer.empty() ? "the top level" : pointer;
-  if (!node.override_text.empty()) return document.name + " (override " + node.override_text + "): " + where;
+  if (!node.override_text.empty())
+    return document.name + " (override " + shortened(node.override_text, shown_override) + "): " + where;
   return document.name + ":" + std::to_string(node.line) + ": " + where;
 }
 
-std::string ConfigPlace::value() const { return shortened(write_json(node, JsonLayout::compact), 60); }
+std::string ConfigPlace::value() const { return shortened(write_json(node, JsonLayout::compact), shown_value); }
 
 ConfigPlace find_place(const ConfigDocument& document, const std::vector<std::string>& keys) {
   std::string pointer;

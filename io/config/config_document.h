@@ -1,6 +1,8 @@
 // A config file in memory (JSON text with overrides applied) and the errors that name a place in it.
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +12,10 @@
 #include "io/config/json_node.h"
 
 namespace graupel::io {
+
+/// The list that the key at a path ("domain", "size") stands for where a text lacks it; none for keys without a default
+/// and those of other values.
+using DefaultLists = std::function<std::optional<JsonNode>(const std::vector<std::string>& path)>;
 
 struct ConfigDocument {
   std::string name;  ///< stands for the file in messages
@@ -31,9 +37,10 @@ struct ConfigDocument {
   }
 
   /// Parses `text` and applies "key.path=value" overrides (list items by number: "sources.0.radius=0.1"; values as
-  /// JSON, bare words as strings). Throws ConfigError.
+  /// JSON, bare words as strings). An override of an item of a list that the text lacks changes its default. Throws
+  /// ConfigError. parse_document() of config_writer.h knows the defaults of a struct.
   static ConfigDocument parse(const std::string& text, const std::string& name,
-                              const std::vector<std::string>& overrides = {});
+                              const std::vector<std::string>& overrides = {}, const DefaultLists& defaults = {});
 };
 
 /// The value of an override: JSON, or a bare word as a string. Throws ConfigError that begins with `where` for a list,

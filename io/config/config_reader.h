@@ -1,9 +1,6 @@
-// Reads any struct that declares its fields (core/scene/fields.h) from JSON with comments:
-//
-//   Recipe recipe = io::read_config<Recipe>(text, "recipe.json", {"train.steps=100"});
-//
-// Unknown keys, keys of another kind, missing keys, wrong types and values out of range throw ConfigError. An enum
-// field must be declared before the fields whose `only_for` names its words.
+// Reads any struct that declares its fields (core/scene/fields.h) from a config document, JSON with comments. Unknown
+// keys, keys of another kind, missing keys, wrong types and values out of range throw ConfigError. An enum field must
+// be declared before the fields whose `only_for` names its words.
 #pragma once
 
 #include <concepts>
@@ -143,12 +140,6 @@ T read_config(const ConfigDocument& document) {
   T out;
   read_struct(ConfigPlace{document, "", document.root}, "", out);
   return out;
-}
-
-/// The same from text; `name` stands for the file in messages, `overrides` are "key.path=value".
-template <ConfigStruct T>
-T read_config(const std::string& text, const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return read_config<T>(ConfigDocument::parse(text, name, overrides));
 }
 
 }  // namespace graupel::io

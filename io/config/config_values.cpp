@@ -17,7 +17,17 @@ std::string joined(const std::vector<std::string_view>& words) {
   return text;
 }
 
+/// "domain.size", as overrides name a place.
+std::string override_path(const ConfigPlace& place) {
+  std::string path = place.pointer.substr(std::min<std::size_t>(1, place.pointer.size()));
+  std::replace(path.begin(), path.end(), '/', '.');
+  return path;
+}
+
 [[noreturn]] void wrong_type(const ConfigPlace& place, const std::string& wanted, const std::string& remedy) {
+  if (place.node.implied)
+    config_fail(place, "is not given, so that nothing inside it can be set (it must be " + wanted + ")",
+                "Set all of it: " + override_path(place) + "=VALUE");
   config_fail(place, "must be " + wanted + " (" + place.value() + ")", remedy);
 }
 

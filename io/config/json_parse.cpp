@@ -2,7 +2,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "core/system/byte_order_mark.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
 #include "io/config/json_node.h"
 
 namespace graupel::io {
@@ -67,7 +69,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   bool end_array() override { return close(); }
 
   bool key(string_t& value) override {
-    if (stack_.back()->find(value)) fail("the key '" + value + "' is given twice. Remove one of the two");
+    if (stack_.back()->find(value)) fail("the key '" + shortened(value) + "' is given twice. Remove one of the two");
     key_ = value;
     return true;
   }
@@ -141,7 +143,10 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
 };
 
 /// nlohmann-json takes the first NUL for the text's end.
-void check_no_nul(const std::string& text, const std::string& name) {
+void check_encoding(const std::string& text, const std::string& name) {
+  if (const auto wide = wide_encoding(text); !wide.empty())
+    throw InputError(name + ": not valid JSON (the text is " + std::string(wide) +
+                     " by its byte order mark; allowed: UTF-8). Save it as UTF-8");
   const std::size_t nul = text.find('\0');
   if (nul == std::string::npos) return;
   throw InputError(place(name, text.data(), text.data() + nul) +
@@ -154,7 +159,7 @@ JsonNode parse_json(const std::string& text, const std::string& name) {
   if (text.size() > byte_limit)
     throw ConfigError(name + ": the text is too large (" + std::to_string(text.size()) + " bytes, at most " +
                       std::to_string(byte_limit) + "). Move geometry to files of its own");
-  check_no_nul(text, name);
+  check_encoding(text, name);
   TreeBuilder builder(text, name);
   const CountingIterator first(text.data(), &builder.consumed);
   const CountingIterator last(text.data() + text.size(), &builder.consumed);

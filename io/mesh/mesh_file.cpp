@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "core/system/atomic_file.h"
+#include "core/system/byte_order_mark.h"
 #include "core/system/error.h"
 #include "io/mesh/mesh_formats.h"
 
@@ -53,8 +54,9 @@ bool parse_point(const char* at, const char* end, Vec3d& point) {
 
 std::vector<Vec3d> parse_points(const std::string& bytes, const std::string& path) {
   std::vector<Vec3d> points;
-  const char* at = bytes.data();
-  const char* end = at + bytes.size();
+  const std::string_view text = mesh_text(bytes, path);
+  const char* at = text.data();
+  const char* end = at + text.size();
   for (int line = 1; at < end; ++line) {
     const char* line_end = std::find(at, end, '\n');
     const char* first = std::find_if(at, line_end, [](char c) { return c != ' ' && c != '\t' && c != '\r'; });
@@ -70,6 +72,13 @@ std::vector<Vec3d> parse_points(const std::string& bytes, const std::string& pat
 }
 
 }  // namespace
+
+std::string_view mesh_text(const std::string& bytes, const std::string& name) {
+  if (const std::string_view wide = wide_encoding(bytes); !wide.empty())
+    mesh_fail(name, "the file is text in " + std::string(wide) +
+                        " by its byte order mark (allowed: ASCII and UTF-8; an editor can save it so)");
+  return std::string_view(bytes).substr(utf8_mark(bytes));
+}
 
 void mesh_fail(const std::string& name, const std::string& problem) {
   throw InputError("'" + name + "': " + problem + ". Export the geometry again or choose another file");

@@ -72,15 +72,15 @@ void check_face(const std::string& name, const ObjLine& line) {
 /// The lines of vertices, texture coordinates, normals and faces; all others are empty, so that lines keep their
 /// numbers. Among the others are skin weights, whose joints tinyobjloader turns into integers unseen. It also reads
 /// damaged numbers as 0 or by their first digits, and leaves short faces out, so they are checked here.
-std::string checked_geometry_lines(const std::string& bytes, const std::string& name) {
-  if (bytes.find('\0') != std::string::npos) mesh_fail(name, "the file is no text (it holds a NUL byte)");
+std::string checked_geometry_lines(std::string_view bytes, const std::string& name) {
+  if (bytes.find('\0') != std::string_view::npos) mesh_fail(name, "the file is no text (it holds a NUL byte)");
   std::string kept;
   ObjLine line{0, {}, {}, {}};
   for (std::size_t at = 0; at < bytes.size();) {
     const std::size_t end = std::min(bytes.find_first_of("\r\n", at), bytes.size());
     const bool ends_crlf = at > 0 && bytes[at - 1] == '\r' && bytes[at] == '\n';
     if (!ends_crlf) ++line.number;
-    line.text = std::string_view(bytes).substr(at, end - at);
+    line.text = bytes.substr(at, end - at);
     line.values.clear();
     for (std::size_t word = 0; (word = line.text.find_first_not_of(" \t", word)) < line.text.size();) {
       const std::size_t word_end = std::min(line.text.find_first_of(" \t", word), line.text.size());
@@ -106,7 +106,7 @@ TriangleMesh parse_obj(const std::string& bytes, const std::string& name) {
   std::vector<tinyobj::shape_t> shapes;
   std::vector<tinyobj::material_t> materials;
   std::string warnings, errors;
-  std::istringstream stream(checked_geometry_lines(bytes, name));
+  std::istringstream stream(checked_geometry_lines(mesh_text(bytes, name), name));
   const bool good = tinyobj::LoadObj(&attributes, &shapes, &materials, &warnings, &errors, &stream);
   if (!good || !errors.empty()) mesh_fail(name, "not a valid OBJ file (" + errors.substr(0, 200) + ")");
   if (warnings.find("Vertex indices out of bounds") != std::string::npos ||

@@ -84,13 +84,13 @@ void parse_header_line(const std::string& line, Header& header, const std::strin
   }
 }
 
-Header parse_header(const std::string& bytes, const std::string& file) {
+Header parse_header(std::string_view bytes, const std::string& file) {
   Header header;
   std::size_t at = 0;
   for (int line_number = 1;; ++line_number) {
     const auto end = bytes.find('\n', at);
-    if (end == std::string::npos) mesh_fail(file, "damaged PLY header (it has no end_header)");
-    std::string line = bytes.substr(at, end - at);
+    if (end == std::string_view::npos) mesh_fail(file, "damaged PLY header (it has no end_header)");
+    std::string line(bytes.substr(at, end - at));
     if (!line.empty() && line.back() == '\r') line.pop_back();
     at = end + 1;
     if (line_number == 1 && line != "ply") mesh_fail(file, "not a PLY file");
@@ -104,7 +104,7 @@ Header parse_header(const std::string& bytes, const std::string& file) {
 /// Numbers of the body one after another, from text or bytes.
 class Numbers {
  public:
-  Numbers(const std::string& bytes, const Header& header, const std::string& file)
+  Numbers(std::string_view bytes, const Header& header, const std::string& file)
       : at_(bytes.data() + header.size), end_(bytes.data() + bytes.size()), ascii_(header.ascii), file_(file) {}
 
   double next(Scalar type) { return ascii_ ? next_text() : next_binary(type); }
@@ -207,8 +207,9 @@ void check_element(const Element& element, std::size_t bytes, bool ascii, const 
 }  // namespace
 
 TriangleMesh parse_ply(const std::string& bytes, const std::string& name) {
-  const Header header = parse_header(bytes, name);
-  Numbers numbers(bytes, header, name);
+  const std::string_view text = mesh_text(bytes, name);
+  const Header header = parse_header(text, name);
+  Numbers numbers(text, header, name);
   TriangleMesh mesh;
   for (const auto& element : header.elements) {
     check_element(element, numbers.left(), header.ascii, name);

@@ -67,15 +67,14 @@ double next_number(std::string_view& text, const std::string& name) {
   return value;
 }
 
-void parse_ascii(const std::string& bytes, const std::string& name, Welder& weld) {
-  std::string_view text = bytes;
-  std::string_view word;
+void parse_ascii(std::string_view bytes, const std::string& name, Welder& weld) {
+  std::string_view text = bytes, word;
   while (!(word = next_word(text)).empty()) {
     if (word != "vertex") continue;
     const double x = next_number(text, name), y = next_number(text, name), z = next_number(text, name);
     weld.corner({x, y, z});
   }
-  if (weld.corners() % 3 != 0 || bytes.find("endsolid") == std::string::npos)
+  if (weld.corners() % 3 != 0 || bytes.find("endsolid") == std::string_view::npos)
     mesh_fail(name, "the STL file ends early");
 }
 
@@ -97,8 +96,8 @@ TriangleMesh parse_stl(const std::string& bytes, const std::string& name) {
   const uint64_t binary_size = binary_header + uint64_t(triangle_count(bytes)) * binary_triangle;
   if (bytes.size() >= binary_header && bytes.size() == binary_size) {
     parse_binary(bytes, weld);
-  } else if (bytes.rfind("solid", 0) == 0) {
-    parse_ascii(bytes, name, weld);
+  } else if (const std::string_view text = mesh_text(bytes, name); text.starts_with("solid")) {
+    parse_ascii(text, name, weld);
   } else {
     mesh_fail(name, "neither an ASCII nor a complete binary STL file (" + std::to_string(bytes.size()) + " bytes)");
   }

@@ -188,7 +188,7 @@ bool is_category_recipe(const std::string& path) {
 }
 
 CategoryRecipe read_category_recipe(const std::string& path, const std::vector<std::string>& overrides) {
-  const ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
+  const ConfigDocument document = parse_document<CategoryRecipe>(read_file(path, largest_file), path, overrides);
   auto recipe = read_config<CategoryRecipe>(document);
   complete(document, recipe);
   return recipe;

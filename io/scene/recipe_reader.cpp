@@ -56,7 +56,7 @@ bool is_recipe(const std::string& path) {
 }
 
 SceneRecipe read_recipe(const std::string& path, const std::vector<std::string>& overrides) {
-  const ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
+  const ConfigDocument document = parse_document<SceneRecipe>(read_file(path, largest_file), path, overrides);
   SceneRecipe recipe = read_config<SceneRecipe>(document);
   check_recipe(document, recipe);
   return recipe;

@@ -55,9 +55,23 @@ void check_key_times(const ConfigPlace& place, const std::vector<Key>& keys) {
                   "Sort them by time, no two at the same");
 }
 
+/// Squares of lengths outside this range are no numbers.
+constexpr double shortest = 1e-100, longest = 1e100;
+
+/// Throws where a direction or a force is zero, or has no square; the message begins with `what`.
+void check_length(const ConfigPlace& place, const char* what, const Vec3d& vector, const char* remedy) {
+  const double length = std::hypot(vector[0], vector[1], vector[2]);
+  if (length == 0) config_fail(place, std::string(what) + "must not be zero ([0, 0, 0])", remedy);
+  if (length >= shortest && length <= longest) return;
+  config_fail(place,
+              std::string(what) + "is too " + (length < shortest ? "short" : "long") + " ([" + number_text(vector[0]) +
+                  ", " + number_text(vector[1]) + ", " + number_text(vector[2]) +
+                  "], allowed lengths: " + number_text(shortest) + " to " + number_text(longest) + ")",
+              remedy);
+}
+
 void check_motion(const ConfigPlace& place, const Motion& motion) {
-  if (!(norm(motion.axis) > 0))
-    config_fail(place, "has no axis (\"axis\": [0, 0, 0])", "Give the direction of the axis, e.g. [0, 1, 0]");
+  check_length(place, "has an axis that ", motion.axis, "Give the direction of the axis, e.g. [0, 1, 0]");
   if (motion.end_time && !(*motion.end_time > motion.start_time))
     config_fail(place,
                 "ends before it starts (end_time " + number_text(*motion.end_time) + " s, above start_time " +
@@ -69,15 +83,14 @@ void check_motion(const ConfigPlace& place, const Motion& motion) {
 }
 
 void check_region(const ConfigDocument& document, const char* list, std::size_t index, const Region& region) {
-  if (region.shape == RegionShape::half_space && !(norm(region.normal) > 0))
-    config_fail(body_place(document, list, index, "normal"), "must not be zero ([0, 0, 0])",
-                "Give the direction out of the half-space, e.g. [0, 1, 0]");
+  if (region.shape == RegionShape::half_space)
+    check_length(body_place(document, list, index, "normal"), "", region.normal,
+                 "Give the direction out of the half-space, e.g. [0, 1, 0]");
 }
 
 void check_body(const ConfigDocument& document, const char* list, std::size_t index, const Body& body) {
-  if (!(norm(body.rotation_axis) > 0))
-    config_fail(body_place(document, list, index, "rotation_axis"), "must not be zero ([0, 0, 0])",
-                "Give the direction of the axis, e.g. [0, 1, 0]");
+  check_length(body_place(document, list, index, "rotation_axis"), "", body.rotation_axis,
+               "Give the direction of the axis, e.g. [0, 1, 0]");
 }
 
 /// What sources and emitters have in common.
@@ -131,9 +144,8 @@ void check_emitter(const ConfigDocument& document, std::size_t index, const Scen
             "Sort the times, no two the same");
     return;
   }
-  if (!(norm(emitter.velocity) > 0))
-    config_fail(body_place(document, "emitters", index, "emission"), "needs a velocity (\"stream\", velocity 0 m/s)",
-                "Give the emitter a velocity, or use bursts");
+  check_length(body_place(document, "emitters", index, "emission"), "needs a velocity (\"stream\"), which ",
+               emitter.velocity, "Give the emitter a velocity, or use bursts");
   if (!(emitter.end_time > emitter.start_time))
     config_fail(body_place(document, "emitters", index, "end_time"),
                 "must be above start_time (" + number_text(emitter.end_time) + " s, start_time " +
@@ -143,9 +155,8 @@ void check_emitter(const ConfigDocument& document, std::size_t index, const Scen
 
 void check_load(const ConfigDocument& document, std::size_t index, const Scene& scene) {
   const TimedLoad& load = scene.loads[index];
-  if (!(norm(load.force) > 0))
-    config_fail(body_place(document, "loads", index, "force"), "must not be zero ([0, 0, 0])",
-                "Give the force on all that is in the ball [N]");
+  check_length(body_place(document, "loads", index, "force"), "", load.force,
+               "Give the force on all that is in the ball [N]");
   const double end = static_cast<double>(scene.frames) * scene.frame_time;
   if (!(load.start < end))
     config_fail(body_place(document, "loads", index, "start"),

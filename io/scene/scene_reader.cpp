@@ -150,12 +150,29 @@ std::string source_text(const ConfigDocument& document) {
 
 Scene parse(const std::string& text, const std::string& name, const GeometryFinder& finder,
             const std::vector<std::string>& overrides) {
-  ConfigDocument document = ConfigDocument::parse(text, name, overrides);
+  ConfigDocument document = parse_document<Scene>(text, name, overrides);
   Scene scene = read_config<Scene>(document);
   check_scene(document, scene);
   load_geometry(document, finder, scene);
   scene.source = source_text(document);
   return scene;
+}
+
+bool is_scene(const std::string& text, const std::string& name, const GeometryFinder& finder) {
+  try {
+    parse(text, name, finder, {});
+    return true;
+  } catch (const ConfigError&) {
+    return false;
+  }
+}
+
+/// `why` is an error about the scene that `file` stores, whose remedy is of a scene that is written by hand.
+[[noreturn]] void refuse_stored(const std::string& file, const std::string& why) {
+  const bool weights = file.ends_with(".safetensors");
+  throw InputError("'" + file + "': the scene stored in it is damaged or of another version (" +
+                   why.substr(0, why.find(". ")) + "). " +
+                   (weights ? "Train again, or copy the file anew" : "Make it again, or copy it anew"));
 }
 
 constexpr std::size_t largest_file = std::size_t(16) << 20;
@@ -171,7 +188,18 @@ Scene parse_scene(const std::string& text, const std::string& name, const std::s
 
 Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
                          const std::vector<std::string>& overrides) {
-  return parse(text, name, AroundTrajectory(file), overrides);
+  const AroundTrajectory finder(file);
+  try {
+    parse_json(text, name);
+  } catch (const Error& error) {
+    refuse_stored(file, error.what());
+  }
+  try {
+    return parse(text, name, finder, overrides);
+  } catch (const ConfigError& error) {
+    if (!overrides.empty() && is_scene(text, name, finder)) throw;
+    refuse_stored(file, error.what());
+  }
 }
 
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
@@ -181,7 +209,7 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
 }
 
 std::vector<std::string> scene_mistakes(const std::string& path, const std::vector<std::string>& overrides) {
-  ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, overrides);
+  ConfigDocument document = parse_document<Scene>(read_file(path, largest_file), path, overrides);
   std::vector<std::string> mistakes;
   document.mistakes = &mistakes;
   Scene scene = read_config<Scene>(document);
@@ -206,14 +234,15 @@ std::string scene_format_markdown() {
          "A scene is a JSON file; `//` and `/* */` comments are allowed. Units are SI, y is up by convention. Unknown "
          "keys\n"
          "are errors. Paths are relative to the scene file. `--set key.path=value` replaces a value for one run, e.g.\n"
-         "`--set domain.dx=0.01` or `--set sources.0.velocity=[0,-1,0]`. `graupel simulate --print-defaults` writes\n"
-         "a scene with every key. Editors check and complete scenes with `scenes/schema.json` (name it under the key\n"
-         "`\"$schema\"`).\n\n"
+         "`--set domain.dx=0.01`, `--set sources.0.velocity=[0,-1,0]` or, of a list one item, `--set gravity.1=-5`.\n"
+         "`graupel simulate --print-defaults` writes a scene with every key. Editors check and complete scenes with\n"
+         "`scenes/schema.json` (name it under the key `\"$schema\"`).\n\n"
          "Sources may have every shape but `plane` and `vdb`, emitters none of these and no `points`, obstacles every "
          "shape but\n`points`. The domain needs at "
          "least\n"
-         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. Obstacles may reach out of "
-         "it; "
+         "16 cells along each edge inside its walls and at most 2^21 cells along an edge. "
+         "Each 4^3 cells take 13 bytes, also empty\nones: 12 GB for 60 m along each edge at a dx of 1/64 m. "
+         "Obstacles may reach out of it; "
          "one\nthat its motion never leads in is an error, and so is one smaller than two voxels of its grid, or "
          "thinner than a\ntenth of one. A material starts from its `preset`, then its other keys apply.\n\n"
          "A mesh must be closed. Its parts are united, wherever each faces; one inside another that faces the other "

@@ -23,6 +23,7 @@ std::vector<std::string> scene_mistakes(const std::string& path, const std::vect
 
 /// The scene that the trajectory or data-set file `file` stores. Its geometry has absolute paths; where a file is not
 /// there any more, the end of its path is looked for beside `file` and in the folders above it, and its name beside it.
+/// Throws InputError for a text that is no scene, and ConfigError for overrides that make it none.
 Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
                          const std::vector<std::string>& overrides = {});
 

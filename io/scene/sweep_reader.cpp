@@ -238,7 +238,7 @@ bool is_sweep(const std::string& path) {
 
 Sweep read_sweep(const std::string& path, const std::vector<std::string>& overrides) {
   const SplitOverrides changes = split(overrides, path);
-  ConfigDocument document = ConfigDocument::parse(read_file(path, largest_file), path, changes.recipe);
+  ConfigDocument document = parse_document<SweepRecipe>(read_file(path, largest_file), path, changes.recipe);
   for (const std::string& change : changes.scene) add_to_set(document, change);
   Sweep sweep;
   sweep.recipe = read_config<SweepRecipe>(document);

@@ -1,6 +1,7 @@
 // Graupel's errors as Python's: by kind, with the program's messages.
 #include "core/system/error.h"
 
+#include "core/system/printable.h"
 #include "library/python/files.h"
 
 namespace graupel::python {
@@ -30,7 +31,7 @@ void register_errors() {
       std::rethrow_exception(thrown);
     } catch (const Error& error) {
       const nb::object type = nb::module_::import_("graupel._errors").attr(class_of(error.code()));
-      PyErr_SetObject(type.ptr(), text_of(error.what()).ptr());  // file names need not be UTF-8
+      PyErr_SetObject(type.ptr(), text_of(shortened_message(error.what())).ptr());  // file names need not be UTF-8
     }
   });
 }

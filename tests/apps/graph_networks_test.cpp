@@ -105,6 +105,31 @@ TEST(GraphNetworks, RollOutAllTrajectoriesOfADataSet) {
   EXPECT_FALSE(std::filesystem::exists(folder.file("all.h5.parts")));
 }
 
+TEST(GraphNetworks, NoErrorIsToldWhereNoParticleIsInBothRuns) {
+  const Folder folder;
+  const std::string weights = folder.file("gns.safetensors"), scene = folder.write("scene.json", small_scene());
+  const std::string run = folder.file("run.h5"), gone = folder.file("gone.h5"), json = folder.file("out.json");
+  nn::write_safetensors(weights, ballistic_gns());
+  ASSERT_EQ(graupel("simulate " + scene + " -o " + run + " --frames 3 --device cpu").exit_code, 0);
+  Trajectory of_run = io::TrajectoryReader(run).read(0);
+  io::TrajectoryWriter writer(gone, of_run, {.velocity = true, .active = true});
+  for (std::size_t f = 0; f < of_run.frames.size(); ++f) {
+    of_run.frames[f].active.assign(of_run.particle_count(), f == 0 ? 1 : 0);
+    writer.append(of_run.frames[f]);
+  }
+  writer.finish();
+  for (const std::string all : {"", " --all"}) {
+    const Outcome outcome = graupel("rollout " + weights + " " + gone + all + " -o " + folder.file("out.h5") +
+                                    " --frames 3 --device cpu --json " + json);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+    EXPECT_TRUE(outcome.says("no particle to compare over")) << outcome.output;
+    std::ifstream file(json);
+    const auto result = nlohmann::json::parse(file);
+    for (const char* key : {"position_mse_20", "position_mse_all"})
+      EXPECT_TRUE(result.contains(key) && result.at(key).is_null()) << result.dump(1);
+  }
+}
+
 TEST(GraphNetworks, RefuseAllWhereThereIsOne) {
   const Folder folder;
   const std::string weights = folder.file("gns.safetensors");

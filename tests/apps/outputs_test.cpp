@@ -51,6 +51,22 @@ TEST_F(Outputs, OfSimulate) {
   expect_refused(simulate + run + " --save-state " + folder_.file("a") + " --json " + folder_.file("./a"));
 }
 
+TEST_F(Outputs, AnEmptyNameIsNoDefault) {
+  const std::string weights = "models/hgn.safetensors ", cpu = " --frames 1 --device cpu";
+  for (const std::string& arguments :
+       {"simulate " + scene_ + cpu + " -o \"\"", "simulate " + scene_ + cpu + " --save-state \"\"",
+        "simulate " + scene_ + cpu + " --json \"\"", "simulate " + scene_ + cpu + " --write-obstacles \"\"",
+        "rollout " + weights + scene_ + cpu + " -o \"\"", "export " + scene_ + " -o \"\"",
+        "compare --scenes " + scene_ + " --models mpm --report \"\"",
+        "compare --scenes " + scene_ + " --models mpm --csv \"\"", std::string("demo -o \"\""),
+        std::string("completion bash -o \"\""), std::string("generate scenes/recipes/hgn.json -o \"\""),
+        "convert " + scene_ + " \"\"", "inspect " + scene_ + " --json \"\""}) {
+    const Outcome outcome = graupel(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("is empty")) << arguments << "\n" << outcome.output;
+  }
+}
+
 /// A state may be replaced by a later one, and by nothing else.
 TEST_F(Outputs, OfARunThatGoesOn) {
   const std::string state = folder_.file("a.state"), run = folder_.file("run.h5");

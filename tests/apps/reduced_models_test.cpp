@@ -418,6 +418,20 @@ TEST_F(ReducedModels, RunOnTheGpu) {
   EXPECT_LT(summary("compare.json")["results"][1]["displacement_relative_error"], 1e-2);
 }
 
+TEST_F(ReducedModels, ADamagedSceneOfTheTrainingIsAFaultOfTheWeights) {
+  nn::Weights weights = nn::read_safetensors(model_);
+  for (const std::string& scene :
+       {std::string("{ \"frames\": -1 }"), std::string("{"), weights.metadata["scene"].substr(9)}) {
+    weights.metadata["scene"] = scene;
+    nn::write_safetensors(model_, weights);
+    for (const Outcome& outcome : {rollout(""), graupel("compare --models " + model_ + " --scenes " + scene_)}) {
+      EXPECT_EQ(outcome.exit_code, 3) << outcome.output;
+      EXPECT_TRUE(outcome.says("falling.safetensors': the scene stored in it is damaged")) << outcome.output;
+      EXPECT_TRUE(outcome.says("Train again, or copy the file anew")) << outcome.output;
+    }
+  }
+}
+
 TEST_F(ReducedModels, DamagedAndForeignWeightsAreNamed) {
   const std::string bytes = read_file(model_);
   const auto cut = folder_.write("cut.safetensors", bytes.substr(0, bytes.size() - 50));

@@ -42,6 +42,27 @@ TEST_F(Streams, AFullStandardOutputIsAnErrorOfWriting) {
   }
 }
 
+TEST_F(Streams, AClosedStandardOutputIsAnErrorOfWriting) {
+  const std::string run = folder_.file("a.h5");
+  ASSERT_EQ(graupel("simulate " + scene_ + " --frames 1 -o " + run).exit_code, 0);
+  for (const std::string& arguments :
+       {std::string("--help"), std::string("--version"), std::string("convert --help"), "inspect " + scene_,
+        "inspect " + run, "validate " + run, std::string("inspect models/hgn.safetensors"),
+        "simulate --dry-run " + scene_, "validate " + scene_, "inspect --json - " + scene_,
+        std::string("doctor --threads 1"), std::string("simulate --print-defaults"), std::string("completion bash"),
+        std::string("man"), std::string("train nsf --help"),
+        "compare --scenes " + scene_ + " --models mpm --no-floors --frames 1 --threads 1"}) {
+    if (arguments.starts_with("train") && !training_is_built()) continue;
+    const Outcome outcome = run_program("/bin/sh", "-c '" GRAUPEL_BINARY_DIR "/graupel " + arguments + " >&-'");
+    EXPECT_EQ(outcome.exit_code, 5) << arguments << "\n" << outcome.output;
+    EXPECT_TRUE(outcome.says("standard output")) << arguments << "\n" << outcome.output;
+  }
+  // What says nothing there does its work, and no file takes the number of a closed stream.
+  const std::string closed = "-c '" GRAUPEL_BINARY_DIR "/graupel simulate " + scene_ + " --frames 1 -o " + run;
+  EXPECT_EQ(run_program("/bin/sh", closed + " >&- 2>&- <&-'").exit_code, 0);
+  EXPECT_EQ(io::TrajectoryReader(run).header(0).frame_count(), 2u);
+}
+
 TEST_F(Streams, JsonOnStandardOutputIsAlone) {
   const std::string run = folder_.file("a.h5"), cpu = " --device cpu --threads 1";
   EXPECT_EQ(json_of("simulate " + scene_ + " --frames 2 -o " + run + cpu)["frames"], 2);

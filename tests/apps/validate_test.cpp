@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/atomic_file.h"
+#include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 
 namespace graupel::test {
@@ -93,6 +94,38 @@ TEST_F(Validate, RecipesAndDamagedFiles) {
   EXPECT_EQ(count_with(unknown[0]["errors"], "no known ending"), 1u) << unknown.dump(1);
   EXPECT_EQ(unknown[1]["errors"].size(), 1u);
   EXPECT_EQ(unknown[2]["errors"].size(), 1u);
+}
+
+TEST_F(Validate, AStoredSceneThatIsNoJson) {
+  const std::string run = folder_.file("a.h5");
+  {
+    Trajectory header;
+    header.particle_type = {5};
+    header.scene_json = "{ \"frames\": 1";
+    io::TrajectoryWriter writer(run, header, {});
+    ParticleFrame frame;
+    frame.position = frame.velocity = {{0.5f, 0.5f, 0.5f}};
+    writer.append(frame);
+    writer.finish();
+  }
+  const Json errors = report(run, 3)["files"][0]["errors"];
+  ASSERT_EQ(errors.size(), 1u);
+  EXPECT_EQ(count_with(errors, "a.h5': trajectory 0 (its scene):1:"), 1u) << errors.dump(1);
+  EXPECT_EQ(count_with(errors, "not valid JSON"), 1u);
+}
+
+TEST_F(Validate, MistakesThatQuoteMuchAreShortened) {
+  const std::string much(1 << 20, 'm');
+  const Json errors =
+      report(folder_.write("long.json",
+                           "{ \"materials\": { \"" + much +
+                               "\": {} }, \"sources\": [ { \"shape\": \"box\", "
+                               "\"size\": [0.1, 0.1, 0.1], \"position\": [0.5, 0.5, 0.5], \"material\": \"w\" } ] }"),
+             3)["files"][0]["errors"];
+  ASSERT_EQ(errors.size(), 1u);
+  EXPECT_LT(errors[0].get<std::string>().size(), 4000u);
+  EXPECT_EQ(count_with(errors, "/sources/0/material names no material of the scene (\"w\", there are: mmm"), 1u);
+  EXPECT_EQ(count_with(errors, "Use one of them or add it to 'materials'."), 1u);
 }
 
 TEST_F(Validate, EveryMistakeNamesItsFile) {

@@ -73,6 +73,22 @@ TEST(CommandLine, AMistakeIsAUsageErrorThatNamesTheRangeAndTheClosestWord) {
   }
 }
 
+TEST(CommandLine, AnEmptyNameOfAFileIsNotTheDefault) {
+  const CommandLine program("A program");
+  std::string output = "default.h5", folder;
+  std::vector<std::string> files;
+  program.option("-o,--output", output, "A file").names_file({".h5"}).show_default();
+  program.option("--folder", folder, "A folder").names_folder();
+  program.option("files", files, "Files").names_file().names_folder();
+  for (const std::vector<const char*>& words :
+       {std::vector<const char*>{"-o", ""}, {"--output="}, {"--folder", ""}, {"a", ""}}) {
+    const Answer refused = answer(program, words);
+    EXPECT_EQ(refused.code, 2) << words.front();
+    EXPECT_NE(refused.said.find("is empty (allowed: the name of a file or folder)"), std::string::npos) << refused.said;
+  }
+  EXPECT_EQ(answer(program, {"-o", "a.h5", "b"}).code, 0);
+}
+
 TEST(CommandLine, PassesWordsOnAsTheyAre) {
   const CommandLine program("A program");
   const Command verb = program.command("other", "Another program");

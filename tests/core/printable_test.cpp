@@ -21,5 +21,22 @@ TEST(Printable, BytesThatAreNoUtf8BecomeQuestionMarks) {
   EXPECT_EQ(printable("\xf4\x90\x80\x80|\xe2\x82"), "????|??");  // beyond the last character; cut
 }
 
+TEST(Printable, LongTextIsShortenedBetweenCharacters) {
+  EXPECT_EQ(shortened("0123456789", 10), "0123456789");
+  EXPECT_EQ(shortened("0123456789a", 10), "0123456789...");
+  EXPECT_EQ(shortened("ab\u20acd", 4), "ab...");
+  EXPECT_EQ(shortened("\x80\x80\x80", 2), "...");
+}
+
+TEST(Printable, MessagesKeepTheirBeginAndTheirRemedy) {
+  const std::string message = "'file' is bad (" + std::string(100000, 'x') + "\x1b). Make it again";
+  const std::string shown = message_text(message);
+  EXPECT_LT(shown.size(), 4000u);
+  EXPECT_TRUE(shown.starts_with("'file' is bad (xxx"));
+  EXPECT_NE(shown.find("x... x"), std::string::npos);
+  EXPECT_TRUE(shown.ends_with("x?). Make it again"));
+  EXPECT_EQ(message_text("short\x07"), "short?");
+}
+
 }  // namespace
 }  // namespace graupel

@@ -153,6 +153,40 @@ TEST(ConfigReader, AppliesOverrides) {
   EXPECT_EQ(m.drawer.at("y").radius, 7);
 }
 
+TEST(ConfigReader, OverridesOfItemsChangeTheDefaultOfAListThatIsNotGiven) {
+  const Machine m = read("{}", {"place.1=3", "place.2=-1", "gears.1=5"});
+  EXPECT_EQ(m.place, (Vec3d{0, 3, -1}));
+  EXPECT_EQ(m.gears, (std::vector<double>{1, 5}));
+  const auto fails = [&](const std::string& override_text, const std::vector<std::string>& parts) {
+    expect_error<ConfigError>([&] { read("{}", {override_text}); }, parts);
+  };
+  fails("gears.2=5", {"override gears.2=5", "no list item '2' (the list has 2, counted from 0)"});
+  fails("wheels.0.radius=1", {"no list item '0' (the list is empty). Give the whole list"});
+  fails("place.1=11", {"machine.json (override place.1=11): /place/1 is out of range (11"});
+  fails("weight.0=1", {"/weight is not given, so that nothing inside it can be set (it must be a number)",
+                       "Set all of it: weight=VALUE"});
+}
+
+TEST(ConfigReader, MessagesShowTheBeginOfLongText) {
+  const std::string much(1 << 20, 'k');
+  const auto message_of = [](const std::string& text, const std::vector<std::string>& overrides) {
+    try {
+      read(text, overrides);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  for (const std::string& message :
+       {message_of("{\"" + much + "\": 1}", {}), message_of("{\"a" + much + "\": 1, \"a" + much + "\": 2}", {}),
+        message_of("{\"engine\": \"" + much + "\"}", {}), message_of("{}", {"crew=" + much}),
+        message_of("{}", {"place." + much + "=1"}), message_of("{\"crew\": 2}", {"crew." + much + "=1"}),
+        message_of("{\"owner\": \"" + much + "\"}", {"owner.a=1"})}) {
+    EXPECT_NE(message.find("kkk..."), std::string::npos) << message.substr(0, 500);
+    EXPECT_LT(message.size(), 800u);
+  }
+}
+
 TEST(ConfigReader, RefusesBadOverrides) {
   const std::string text = "{\"wheels\": [{\"radius\": 1}], \"crew\": 2, \"drawer\": {\"left\": {\"radius\": 1}}}";
   const auto fails = [&](const std::string& override_text, const std::vector<std::string>& parts) {

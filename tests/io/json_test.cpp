@@ -49,6 +49,14 @@ TEST(Json, NamesFileLineAndColumnOfSyntaxErrors) {
   expect_error<InputError>([] { parse_json("{\"a\": \"\xff\"}", "bad.json"); }, {"bad.json:1:", "UTF-8"});
 }
 
+TEST(Json, TakesUtf8sByteOrderMarkAndNamesOtherEncodings) {
+  EXPECT_EQ(parse_json("\xef\xbb\xbf{\"a\": 7}", "a.json").find("a")->as_double(), 7);
+  const std::string wide("\xff\xfe{\0}\0", 6), big_endian("\xfe\xff\0{\0}", 6);
+  for (const std::string& text : {wide, big_endian})
+    expect_error<InputError>([&] { parse_json(text, "a.json"); },
+                             {"a.json", "is UTF-16 by its byte order mark", "Save it as UTF-8"});
+}
+
 TEST(Json, RefusesRepeatedKeysDepthAndSize) {
   expect_error<ConfigError>([] { parse_json("{\"a\": 1,\n \"a\": 2}", "bad.json"); },
                             {"bad.json:2:", "'a' is given twice"});

@@ -112,6 +112,31 @@ TEST(MeshFile, ReadsEveryFormatToTheSameSolid) {
   }
 }
 
+TEST(MeshFile, TakesUtf8sByteOrderMarkAndNamesOtherEncodings) {
+  TemporaryFolder folder;
+  for (const auto& sample : samples()) {
+    if (sample.name == "b.stl") continue;
+    EXPECT_EQ(read_mesh(folder.write(sample.name, "\xef\xbb\xbf" + sample.bytes)).triangles.size(), 4u) << sample.name;
+    expect_error<InputError>([&] { read_mesh(folder.write(sample.name, "\xff\xfe" + sample.bytes)); },
+                             {sample.name, "text in UTF-16 by its byte order mark"});
+  }
+  EXPECT_EQ(read_points(folder.write("a.xyz",
+                                     "\xef\xbb\xbf"
+                                     "1 2 3\n"))
+                .front(),
+            (Vec3d{1, 2, 3}));
+  expect_error<InputError>(
+      [&] {
+        read_points(folder.write("a.txt",
+                                 "\xfe\xff"
+                                 "1 2 3\n"));
+      },
+      {"a.txt", "UTF-16"});
+  std::string marked = stl_bytes();  // of a binary file these are the first bytes of its title
+  marked.replace(0, 3, "\xff\xfe ");
+  EXPECT_EQ(read_mesh(folder.write("b.stl", marked)).triangles.size(), 4u);
+}
+
 TEST(MeshFile, TakesIndentedLinesAndEveryKindOfCorner) {
   TemporaryFolder folder;
   const std::string head = "  v 0 0 0 1.0\n\tv 1 0 0 1.0\nv 0 1 0 1.0\nvt 0 0\nvn 0 0 1\n";

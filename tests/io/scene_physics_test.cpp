@@ -219,7 +219,7 @@ TEST(ScenePhysics, ScriptsThatCannotBe) {
         R"("release_time")", {"/sources/0/release_time", "no effect without 'motion'"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 3, "angle": 90})", {"/obstacles/0/motion", "out of order", "key 1"});
   fails(R"({"time": 1, "angle": 90})", R"({"time": 0, "angle": 90})", {"/obstacles/0/motion/keyframes/0/time", "> 0"});
-  fails(R"("axis": [0, 0, 1])", R"("axis": [0, 0, 0])", {"/obstacles/0/motion", "no axis"});
+  fails(R"("axis": [0, 0, 1])", R"("axis": [0, 0, 0])", {"/obstacles/0/motion", "an axis that must not be zero"});
   fails(R"("axis": [0, 0, 1])", R"("velocity": [0, 0, 1])", {"velocity", "constant"});
   fails(R"([{"time": 1, "angle": 90}, {"time": 2, "translation": [0, 1, 0]}])", "[]", {"no poses"});
   fails(R"("motion": {}})", R"("motion": {}, "release_time": -1})", {"/kinematic_regions/0/release_time", ">= 0"});

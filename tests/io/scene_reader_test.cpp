@@ -195,6 +195,36 @@ TEST(SceneReader, NamesMissingAndDamagedGeometry) {
   expect_error<InputError>([&] { read_scene(folder.file("nothing.json")); }, {"nothing.json", "No such file"});
 }
 
+TEST(SceneReader, OverridesOfItemsKnowTheDefaultsOfTheScene) {
+  const Scene scene = parse(good, {"gravity.1=-5", "sources.0.velocity.0=2", "domain.origin.2=1"});
+  EXPECT_EQ(scene.gravity, (Vec3d{0, -5, 0}));
+  EXPECT_EQ(scene.sources[0].velocity, (Vec3d{2, 0, 0}));
+  EXPECT_EQ(scene.domain.origin, (Vec3d{0, 0, 1}));
+  EXPECT_EQ(parse(scene.source).gravity, scene.gravity);  // as stored
+  expect_error<ConfigError>([] { parse(good, {"sources.0.spin_center.1=2"}); },
+                            {"/sources/0/spin_center is not given", "Set all of it: sources.0.spin_center=VALUE"});
+  expect_error<ConfigError>([] { parse(good, {"obstacles.0.size.1=2"}); }, {"/obstacles/0/size does not apply here"});
+  expect_error<ConfigError>([] { parse(replaced(good, "\"size\": [0.2, 0.2, 0.2], ", ""), {"sources.0.size.1=2"}); },
+                            {"/sources/0/size is not given"});
+}
+
+TEST(SceneReader, VectorsTooShortOrLongForADirectionAreShownAsTheyAre) {
+  for (const std::string axis : {"[1e-300, 0, 0]", "[0, -1e-150, 2e-150]", "[1e+200, 0, 0]"})
+    fails("\"rotation_angle\": 45", "\"rotation_angle\": 45, \"rotation_axis\": " + axis,
+          {"/obstacles/0/rotation_axis is too ", "(" + axis + ", allowed lengths: 1e-100 to 1e+100)"});
+  EXPECT_NO_THROW(parse(replaced(good, "\"rotation_angle\": 45", "\"rotation_axis\": [1e-90, 0, 0]")));
+}
+
+TEST(SceneReader, ADamagedStoredSceneIsAFaultOfItsFile) {
+  for (const std::string& text : {replaced(good, "0.02", "-0.02"), good.substr(1), std::string("{}")}) {
+    expect_error<InputError>([&] { parse_stored_scene(text, "w.safetensors", "w.safetensors"); },
+                             {"'w.safetensors': the scene stored in it is damaged", "Train again, or copy the file"});
+    expect_error<InputError>([&] { parse_stored_scene(text, "a.h5", "a.h5", {"frames=2"}); },
+                             {"'a.h5': the scene stored in it is damaged", "Make it again, or copy it anew"});
+  }
+  expect_error<ConfigError>([] { parse_stored_scene(good, "a.h5", "a.h5", {"frames=-2"}); }, {"override frames=-2"});
+}
+
 TEST(SceneReader, EveryTruncationIsAnError) {
   const std::string text = good.substr(0, good.rfind('}'));
   for (std::size_t n = 0; n < text.size(); ++n) EXPECT_THROW(parse(text.substr(0, n)), InputError) << n;

@@ -46,6 +46,10 @@ TEST(ReducedModelFile, SettingsOutOfRangeAreRefused) {
   for (const char* key : {"/substeps_per_frame", "/frame_time", "/step_factor"})
     for (const double value : {0.0, -1.0, 1e18, 1e300})
       EXPECT_THAT(error_of_setting(key, value), testing::HasSubstr(std::string(key + 1) + " ")) << value;
+  for (const double value : {0.0, -1.0, 1e300})  // distances are in units of it
+    EXPECT_THAT(error_of_setting("/latent_reach", value), testing::HasSubstr("(allowed: 1e-30 to 1e+30)")) << value;
+  EXPECT_THAT(error_of_setting("/parameters/0/keys", nlohmann::json::array()),
+              testing::HasSubstr("no keys of its parameter 'friction_angle'"));
   EXPECT_THAT(error_of_setting("/manifold_pull", 2), testing::HasSubstr("manifold_pull 2"));
   EXPECT_THAT(error_of_setting("/parameters/0/high", 29),
               testing::HasSubstr("the high end of friction_angle 29 in its settings (allowed: 30 to"));

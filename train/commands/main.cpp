@@ -56,11 +56,12 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   using graupel::ExitCode;
   constexpr const char* less_memory = "Set memory_limit lower, or take fewer scenes a batch";
+  graupel::open_closed_streams();
   graupel::install_last_resort("graupel-train", less_memory);
   try {
     return graupel::train::run(argc, argv);
   } catch (const graupel::Error& error) {
-    std::fprintf(stderr, "graupel-train: %s\n", graupel::printable(error.what()).c_str());
+    std::fprintf(stderr, "graupel-train: %s\n", graupel::message_text(error.what()).c_str());
     return static_cast<int>(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "graupel-train: out of memory. %s\n", less_memory);

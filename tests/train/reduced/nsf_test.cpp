@@ -8,7 +8,7 @@
 
 #include "core/math/random.h"
 #include "core/system/error.h"
-#include "io/config/config_reader.h"
+#include "io/config/config_writer.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/simulation.h"
