@@ -90,11 +90,13 @@ std::unique_ptr<SceneBatch> make_group(const std::vector<PreparedScene>& scenes)
   return make_cuda_batch(of_batch, particles, obstacles);
 }
 
-/// The scene, once it is known that the device may run it and that it can fit.
+/// The scene, once it is known that the device may run it and that it can fit: before its level sets are made.
 const Scene& fitting(const Scene& scene, const SimulationOptions& options) {
   if (options.precision == Precision::f64 && options.device != Device::cpu)
     throw ConfigError("double precision runs on the CPU only. Use --device cpu or single precision");
   check_plane(scene);
+  for (const auto& [name, material] : scene.materials) check_material(material);
+  check_shapes_of_obstacles(scene);
   check_memory(least_memory(scene, options), options.device);
   return scene;
 }
@@ -115,7 +117,6 @@ void check_single_precision(const Domain& domain, const std::vector<Vec3d>& posi
 
 SampledParticles checked_particles(const Scene& scene, const SimulationOptions& options,
                                    const sparsegrid::ObstacleSet& obstacles) {
-  for (const auto& [name, material] : scene.materials) check_material(material);
   SampledParticles particles = sample_sources(scene, options.seed);
   check_memory(least_memory(scene.domain, options, static_cast<double>(particles.position.size())), options.device);
   if (options.precision == Precision::f32) check_single_precision(scene.domain, particles.position);

@@ -49,9 +49,9 @@ struct UnionRequest {
   double voxel = 0, band = 0;      ///< [m]
 };
 
-/// Writes the grids and, called "obstacles", the union. Throws IoError.
+/// Writes the grids by these names and, called "obstacles", the union. Throws IoError.
 void write_level_sets(const std::string& path, const std::vector<const LevelSetGrid*>& grids,
-                      const UnionRequest& union_request);
+                      const std::vector<std::string>& names, const UnionRequest& union_request);
 
 /// Sparse grid of vectors: value[n] on cell coordinate[n], zero elsewhere.
 struct VectorGrid {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -142,9 +143,9 @@ using SharedGrid = std::shared_ptr<const LevelSetGrid>;
 class SharedGrids {
  public:
   template <typename Make>
-  SharedGrid get(const Scene& scene, const Obstacle& body, const std::string& name, const Make& make) {
+  SharedGrid get(const Scene& scene, const Obstacle& body, const Make& make) {
     if (body.mesh || !body.file.empty()) return std::make_shared<const LevelSetGrid>(make());
-    const Key key = {body.shape, in_order(body.size), body.radius, body.height, scene.voxel(), scene.band(), name};
+    const Key key = {body.shape, in_order(body.size), body.radius, body.height, scene.voxel(), scene.band()};
     {
       const std::lock_guard lock(mutex_);
       const auto found = grids_.find(key);
@@ -157,12 +158,14 @@ class SharedGrids {
       std::erase_if(grids_, [](const auto& one) { return one.second.expired(); });
       most_ = std::max<std::size_t>(64, 2 * grids_.size());
     }
-    grids_[key] = made;
+    std::weak_ptr<const LevelSetGrid>& kept = grids_[key];
+    if (SharedGrid known = kept.lock()) return known;  // of a thread that was first
+    kept = made;
     return made;
   }
 
  private:
-  using Key = std::tuple<Shape, std::array<double, 3>, double, double, double, double, std::string>;
+  using Key = std::tuple<Shape, std::array<double, 3>, double, double, double, double>;
   static std::array<double, 3> in_order(const Vec3d& x) { return {x[0], x[1], x[2]}; }
 
   std::mutex mutex_;
@@ -262,12 +265,24 @@ ObstacleSet::Impl::Impl(const Impl& bodies, double time)
 void ObstacleSet::Impl::build_grids() {
   check_grids_fit(scene, static_cast<double>(available_bytes(Device::cpu)));
   grids.resize(scene.obstacles.size());
-  for_each_pool_task(grids.size(), [&](std::size_t i) { grids[i] = grid_of(i); });
+  // The first obstacle's error is told: those behind one that has failed are not built any more.
+  std::atomic<std::size_t> first_failed = grids.size();
+  for_each_pool_task(grids.size(), [&](std::size_t i) {
+    if (i > first_failed) return;
+    try {
+      grids[i] = grid_of(i);
+    } catch (...) {
+      std::size_t first = first_failed;
+      while (i < first && !first_failed.compare_exchange_weak(first, i)) {
+      }
+      throw;
+    }
+  });
 }
 
 SharedGrid ObstacleSet::Impl::grid_of(std::size_t i) const {
   if (scene.obstacles[i].shape == Shape::plane) return std::make_shared<const LevelSetGrid>();
-  return shared_grids().get(scene, scene.obstacles[i], names[i], [&] { return solid_grid(i); });
+  return shared_grids().get(scene, scene.obstacles[i], [&] { return solid_grid(i); });
 }
 
 LevelSetGrid ObstacleSet::Impl::solid_grid(std::size_t i) const {
@@ -358,7 +373,9 @@ SignedDistance<double> ObstacleSet::sample(const Vec3d& x, int* nearest) const {
 
 GridFacts ObstacleSet::facts(int obstacle) const {
   const LevelSetGrid& grid = *impl_->grids.at(static_cast<std::size_t>(obstacle));
-  return grid.bytes.size() > 0 ? grid.facts : impl_->plane_grid(obstacle).facts;
+  GridFacts facts = grid.bytes.size() > 0 ? grid.facts : impl_->plane_grid(obstacle).facts;
+  facts.name = impl_->names[static_cast<std::size_t>(obstacle)];  // bodies that share a grid have names of their own
+  return facts;
 }
 
 void ObstacleSet::write_vdb(const std::string& path) const {
@@ -383,7 +400,7 @@ void ObstacleSet::write_vdb(const std::string& path) const {
     if (is_plane) add_shared(outer, below_plane(pose, 0), request.insides);
   }
   if (!request.insides.empty()) request.border = outer;
-  write_level_sets(path, grids, request);
+  write_level_sets(path, grids, impl_->names, request);
 }
 
 }  // namespace graupel::sparsegrid

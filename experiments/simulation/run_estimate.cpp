@@ -11,6 +11,7 @@
 #include "experiments/process/progress.h"
 #include "experiments/simulation/scene_file_error.h"
 #include "io/trajectory/trajectory_file.h"
+#include "mpm/memory_need.h"
 
 namespace graupel::experiments {
 
@@ -53,6 +54,11 @@ void print_run_estimate(const SimulateOptions& options, const Scene& scene, cons
   std::printf("memory           %s on the device (%.0f peak bytes per particle), %s available\n",
               human_bytes(memory).c_str(), per_particle,
               human_bytes(static_cast<double>(available_bytes(simulation.device)) + memory).c_str());
+  // One entry a block of the whole domain, in which matter can be: of a large and empty one most of the memory.
+  const mpm::MemoryNeed empty = mpm::least_memory(scene.domain, simulation, 0);
+  const double directory = std::max(empty.host_bytes, empty.device_bytes);
+  std::printf("of it the domain %s (%.3g grid blocks of 4^%d nodes, %.0f bytes each)\n", human_bytes(directory).c_str(),
+              empty.blocks, scene.domain.axes(), directory / empty.blocks);
   std::printf("disk, at most    %s\ntime, about      %s (from %lld substeps on this machine)\n",
               human_bytes(disk).c_str(), human_time(seconds).c_str(), static_cast<long long>(statistics.substeps));
   options.common.write_json({{"particles", e.particles},
@@ -60,6 +66,7 @@ void print_run_estimate(const SimulateOptions& options, const Scene& scene, cons
                              {"substeps", e.substeps},
                              {"memory_bytes", statistics.peak_bytes},
                              {"peak_bytes_per_particle", per_particle},
+                             {"domain_bytes", directory},
                              {"disk_bytes", disk},
                              {"seconds", seconds}});
 }

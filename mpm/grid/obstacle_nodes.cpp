@@ -64,13 +64,16 @@ ObstacleNodes<T>::ObstacleNodes(Device device, const GridGeometry<T, 3>& grid, c
       phi_(device, 0),
       normal_(device, 0) {
   launch<T>(device, grid.directory_size(), FindSurfaceBlocks<T>{grid, obstacles_, block_number_.data()}, Grain{64});
-  std::vector<int32_t> number = block_number_.download(), keys;
-  for (std::size_t i = 0; i < number.size(); ++i) {
+  // In place on the CPU: of a large domain this is the largest array of a run.
+  std::vector<int32_t> copy, keys;
+  if (device != Device::cpu) copy = block_number_.download();
+  int32_t* number = device == Device::cpu ? block_number_.data() : copy.data();
+  for (std::size_t i = 0; i < block_number_.size(); ++i) {
     const bool surface = number[i] != 0;
     number[i] = surface ? static_cast<int32_t>(keys.size()) : block_without_surface;
     if (surface) keys.push_back(static_cast<int32_t>(i));
   }
-  block_number_.upload(number);
+  if (device != Device::cpu) block_number_.upload(copy);
   Buffer<int32_t> key_buffer(device, 0);
   key_buffer.upload(keys);
   const std::size_t entries =

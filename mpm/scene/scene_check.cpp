@@ -8,6 +8,7 @@
 
 #include "core/scene/checks/plane_check.h"
 #include "core/system/error.h"
+#include "sparsegrid/analytic_shape.h"
 
 namespace graupel::mpm {
 
@@ -127,7 +128,35 @@ bool comes_into(const Domain& domain, const Obstacle& obstacle, double radius) {
   return false;
 }
 
+[[noreturn]] void refuse_outside(const Scene& scene, std::size_t i) {
+  const Obstacle& obstacle = scene.obstacles[i];
+  throw ConfigError(fmt::format(
+      "obstacle {0} (/obstacles/{0}, {1}) lies outside the domain{2} (position {3}, domain: {4} to {5}). Move it, or "
+      "leave it out",
+      i, word_of(obstacle.shape), obstacle.motion ? ", and its motion does not lead it there" : "",
+      text_of(obstacle.position), text_of(scene.domain.origin), text_of(scene.domain.origin + scene.domain.size)));
+}
+
 }  // namespace
+
+void check_shapes_of_obstacles(const Scene& scene) {
+  const Vec3d margin = Vec3d::filled(2 * scene.voxel());  // that of a level set's box
+  for (std::size_t i = 0; i < scene.obstacles.size(); ++i) {
+    const Obstacle& obstacle = scene.obstacles[i];
+    if (!sparsegrid::is_analytic(obstacle.shape) || obstacle.shape == Shape::plane || obstacle.motion) continue;
+    const auto [low, high] = sparsegrid::analytic_bounds(obstacle);
+    Vec3d world_low = Vec3d::filled(1e300), world_high = Vec3d::filled(-1e300);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vec3d x = obstacle.to_world(
+          {corner & 1 ? high[0] : low[0], corner & 2 ? high[1] : low[1], corner & 4 ? high[2] : low[2]});
+      for (int d = 0; d < 3; ++d) {
+        world_low[d] = std::min(world_low[d], x[d]);
+        world_high[d] = std::max(world_high[d], x[d]);
+      }
+    }
+    if (!meets(scene.domain, world_low - margin, world_high + margin)) refuse_outside(scene, i);
+  }
+}
 
 void check_obstacles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles) {
   const std::vector<sparsegrid::ObstacleView> views = obstacles.views_at(0);
@@ -139,11 +168,7 @@ void check_obstacles(const Scene& scene, const sparsegrid::ObstacleSet& obstacle
                                       obstacles.largest_distance(static_cast<int>(i),
                                                                  obstacle.motion->center.value_or(obstacle.position))))
       continue;
-    throw ConfigError(fmt::format(
-        "obstacle {0} (/obstacles/{0}, {1}) lies outside the domain{2} (position {3}, domain: {4} to {5}). Move it, or "
-        "leave it out",
-        i, word_of(obstacle.shape), obstacle.motion ? ", and its motion does not lead it there" : "",
-        text_of(obstacle.position), text_of(scene.domain.origin), text_of(scene.domain.origin + scene.domain.size)));
+    refuse_outside(scene, i);
   }
 }
 

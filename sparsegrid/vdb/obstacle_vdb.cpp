@@ -55,15 +55,16 @@ void for_each_block(const std::string& name, const LocalBox& box, double voxel, 
 
 /// Values of the leaves from `distance`, active where |distance| < band.
 void fill_leaves(const std::vector<Leaf*>& leaves, const DistanceFunction& distance, double voxel, double band) {
+  const auto limit = static_cast<float>(band);
   const auto fill_leaf = [&](int64_t number) {
     Leaf& leaf = *leaves[static_cast<std::size_t>(number)];
     for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
       const Coord c = leaf.offsetToGlobalCoord(n);
-      const double phi = distance(Vec3d{c.x() * voxel, c.y() * voxel, c.z() * voxel});
-      if (std::abs(phi) < band)
-        leaf.setValueOn(n, static_cast<float>(phi));
+      const auto phi = static_cast<float>(distance(Vec3d{c.x() * voxel, c.y() * voxel, c.z() * voxel}));
+      if (std::abs(phi) < limit)
+        leaf.setValueOn(n, phi);
       else
-        leaf.setValueOff(n, static_cast<float>(std::copysign(band, phi)));
+        leaf.setValueOff(n, std::copysign(limit, phi));
     }
   };
   parallel_for_cpu(static_cast<int64_t>(leaves.size()), fill_leaf, Grain{16});
@@ -72,8 +73,8 @@ void fill_leaves(const std::vector<Leaf*>& leaves, const DistanceFunction& dista
 /// Farthest centre of a block that meets the band.
 double reach_of(double voxel, double band) { return band + voxel * block * 0.5 * std::sqrt(3.0); }
 
-/// Level set of an exact distance: a block whose centre is farther from the surface than the band and half its own
-/// diagonal holds one value.
+/// Level set of an exact distance, +-band outside the band: a block whose centre is farther from the surface than the
+/// band and half its own diagonal holds one value.
 FloatGrid::Ptr sampled_level_set(const std::string& name, const DistanceFunction& distance, LocalBox box, double voxel,
                                  double band) {
   auto grid = empty_level_set(voxel, band);
@@ -119,16 +120,28 @@ FloatGrid::Ptr checked_level_set(const Obstacle& obstacle, const std::string& na
   return mesh_level_set(*obstacle.mesh, voxel, width);
 }
 
+/// Adds the negative values of a node and all below it. An upper node has 32,768 entries, and eight of them meet at a
+/// body's origin: OpenVDB's iterators over their tiles take longer than all else about a small body.
+template <typename Node>
+void add_negative(const Node& node, openvdb::CoordBBox& box) {
+  if constexpr (Node::LEVEL == 0) {
+    for (openvdb::Index n = 0; n < Node::SIZE; ++n)
+      if (node.getValue(n) < 0) box.expand(node.offsetToGlobalCoord(n));
+  } else {
+    for (openvdb::Index n = 0; n < Node::NUM_VALUES; ++n)
+      if (!node.getChildMask().isOn(n) && node.getTable()[n].getValue() < 0)
+        box.expand(openvdb::CoordBBox::createCube(node.offsetToGlobalCoord(n), Node::ChildNodeType::DIM));
+    for (auto child = node.cbeginChildOn(); child; ++child) add_negative(*child, box);
+  }
+}
+
 /// Box of the voxels with a negative value, in voxels.
 openvdb::CoordBBox negative_box(const FloatGrid& grid) {
   openvdb::CoordBBox box;
-  for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
-    for (auto value = leaf->cbeginValueAll(); value; ++value)
-      if (*value < 0) box.expand(value.getCoord());
-  auto tile = grid.tree().cbeginValueAll();
-  tile.setMaxDepth(FloatGrid::TreeType::ValueAllCIter::LEAF_DEPTH - 1);
-  for (; tile; ++tile)
-    if (*tile < 0) box.expand(tile.getBoundingBox());
+  const auto& root = grid.tree().root();
+  for (auto child = root.cbeginChildOn(); child; ++child) add_negative(*child, box);
+  for (auto tile = root.cbeginValueAll(); tile; ++tile)
+    if (*tile < 0) box.expand(openvdb::CoordBBox::createCube(tile.getCoord(), root.getChildDim()));
   return box;
 }
 
@@ -178,8 +191,8 @@ FloatGrid::Ptr union_level_set(const UnionRequest& request) {
   return grid;
 }
 
-LevelSetGrid finished(const FloatGrid::Ptr& grid, const std::string& name, double voxel, double band) {
-  clamp_to_band(*grid, band);
+/// `grid` is +-band outside its band.
+LevelSetGrid finished(const FloatGrid::Ptr& grid, const std::string& name, double voxel) {
   openvdb::tools::pruneLevelSet(grid->tree());  // pruneInactive() fills solids with the background, +band
   grid->setName(name);
   grid->setGridClass(openvdb::GRID_LEVEL_SET);
@@ -197,15 +210,17 @@ LevelSetGrid level_set_of(const Scene& scene, const Obstacle& obstacle, const st
   FloatGrid::Ptr grid;
   if (obstacle.shape == Shape::mesh) {
     grid = checked_level_set(obstacle, name, voxel, band);
+    clamp_to_band(*grid, band);
   } else if (obstacle.shape == Shape::vdb) {
     grid = file_level_set(obstacle, name, voxel, band);
+    clamp_to_band(*grid, band);
   } else {
     const LocalBox box =
         obstacle.shape == Shape::plane ? plane_bounds(obstacle, scene.domain) : analytic_bounds(obstacle);
     grid = sampled_level_set(
         name, [&](const Vec3d& x) { return analytic_distance(obstacle, x); }, box, voxel, band);
   }
-  return finished(grid, name, voxel, band);
+  return finished(grid, name, voxel);
 }
 
 }  // namespace
@@ -224,7 +239,7 @@ LevelSetGrid build_plane_body(const Scene& scene, const Obstacle& plane, const s
   const DistanceFunction distance = [&](const Vec3d& x) { return std::max(x[1], box_distance(body, x)); };
   tbb::task_arena arena(num_threads());
   LevelSetGrid grid =
-      arena.execute([&] { return finished(sampled_level_set(name, distance, body, voxel, band), name, voxel, band); });
+      arena.execute([&] { return finished(sampled_level_set(name, distance, body, voxel, band), name, voxel); });
   grid.near = plane_bounds(plane, scene.domain);
   grid.near.low -= Vec3d::filled(margin);
   grid.near.high += Vec3d::filled(margin);
@@ -232,12 +247,12 @@ LevelSetGrid build_plane_body(const Scene& scene, const Obstacle& plane, const s
 }
 
 void write_level_sets(const std::string& path, const std::vector<const LevelSetGrid*>& grids,
-                      const UnionRequest& union_request) {
+                      const std::vector<std::string>& names, const UnionRequest& union_request) {
   initialize_openvdb();
   openvdb::GridPtrVec out;
-  for (const LevelSetGrid* one : grids) {
-    out.push_back(nanovdb::nanoToOpenVDB(*one->grid()));
-    out.back()->setName(one->facts.name);
+  for (std::size_t i = 0; i < grids.size(); ++i) {
+    out.push_back(nanovdb::nanoToOpenVDB(*grids[i]->grid()));
+    out.back()->setName(names[i]);
   }
   out.push_back(union_level_set(union_request));
   write_grids(path, out);

@@ -70,7 +70,8 @@ TEST(Simulate, DryRunPrintsCostsAndWritesNothing) {
   const auto scene = folder.write("small.json", small_scene());
   const Outcome outcome = graupel("simulate " + scene + " --dry-run -o " + folder.file("a.h5"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
-  for (const char* word : {"particles", "885", "substeps", "memory", "disk", "time"})
+  for (const char* word :
+       {"particles", "885", "substeps", "memory", "of it the domain", "13 bytes each", "disk", "time"})
     EXPECT_TRUE(outcome.says(word)) << word;
   EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
 }

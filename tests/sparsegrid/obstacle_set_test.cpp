@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "core/system/error.h"
+#include "core/system/stopwatch.h"
 #include "sparsegrid/analytic_shape.h"
+#include "tests/io/expect_error.h"
 #include "tests/sparsegrid/test_scenes.h"
 
 namespace graupel::sparsegrid {
@@ -46,6 +48,36 @@ Errors errors_of(const Scene& scene, const ObstacleSet& set) {
     e.smooth_normal = std::max(e.smooth_normal, norm(got.normal - normalized(g[0] + g[1])));
   }
   return e;
+}
+
+TEST(ObstacleSet, EqualBodiesShareAGridAndHaveNamesOfTheirOwn) {
+  const Obstacle ball = make_obstacle(Shape::sphere, {0.3, 0.5, 0.5}, {0, 1, 0}, 0);
+  Obstacle other = make_obstacle(Shape::sphere, {0.7, 0.5, 0.5}, {1, 0, 0}, 20);
+  Obstacle larger = other;
+  larger.radius *= 1.5;
+  const ObstacleSet set(scene_with({ball, other, larger}));
+  const std::vector<ObstacleView> views = set.views_at(0);
+  EXPECT_EQ(views[0].grid, views[1].grid);
+  EXPECT_NE(views[0].grid, views[2].grid);
+  EXPECT_EQ(set.facts(0).name, "obstacle_0_sphere");
+  EXPECT_EQ(set.facts(1).name, "obstacle_1_sphere");
+}
+
+TEST(ObstacleSet, TheFirstBadObstacleIsToldBeforeTheOthersAreBuilt) {
+  std::vector<Obstacle> many;
+  for (int i = 0; i < 150; ++i) {
+    many.push_back(make_obstacle(Shape::sphere, {0.5, 0.5, 0.5}, {0, 1, 0}, 0));
+    many.back().radius = 0.05 + 1e-4 * i;
+  }
+  const Stopwatch all;
+  static_cast<void>(ObstacleSet(scene_with(many)));
+  const double seconds_of_all = all.seconds();
+  many[0].radius = many[90].radius = 1e-4;
+  for (Obstacle& body : many) body.radius += 1e-6;  // none is known from before
+  const Stopwatch refusal;
+  expect_error<ConfigError>([&] { static_cast<void>(ObstacleSet(scene_with(many))); },
+                            {"obstacle_0_sphere is smaller than two voxels"});
+  EXPECT_LT(refusal.seconds(), 0.5 * seconds_of_all);
 }
 
 TEST(ObstacleSet, GridEqualsTheFormulaUnderAnyPose) {

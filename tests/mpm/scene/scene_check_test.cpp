@@ -40,6 +40,33 @@ TEST(SceneCheck, ObstaclesOutsideTheDomainAreNamed) {
   EXPECT_THROW(Simulation::create(with_ball({5, 5, 5}), {}), ConfigError);
 }
 
+TEST(SceneCheck, ShapesOutsideTheDomainAreToldWithoutLevelSets) {
+  const auto is_refused = [](const Scene& scene) {
+    try {
+      check_shapes_of_obstacles(scene);
+      return false;
+    } catch (const ConfigError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("obstacle 0 (/obstacles/0, "));
+      EXPECT_THAT(error.what(), HasSubstr("lies outside the domain (position ("));
+      return true;
+    }
+  };
+  EXPECT_TRUE(is_refused(with_ball({5, 5, 5})));
+  EXPECT_TRUE(is_refused(with_ball({0.2, 1e308, 0.2})));
+  EXPECT_FALSE(is_refused(with_ball({0.2, 0.2, 0.2})));
+  EXPECT_FALSE(is_refused(with_ball({-0.04, 0.2, 0.2})));
+  Scene scene = with_ball({5, 5, 5});
+  scene.obstacles[0].motion = Motion();
+  EXPECT_FALSE(is_refused(scene)) << "its motion may lead it in";
+  scene = with_ball({0.5, 1.3, 0.5});
+  scene.obstacles[0].shape = Shape::box;
+  scene.obstacles[0].size = {1, 0.01, 0.01};
+  EXPECT_TRUE(is_refused(scene));
+  scene.obstacles[0].rotation_axis = {0, 0, 1};
+  scene.obstacles[0].rotation_angle = 90;  // upright it reaches in
+  EXPECT_FALSE(is_refused(scene));
+}
+
 TEST(SceneCheck, ObstaclesThatComeIntoTheDomainMayStartOutside) {
   Scene scene = with_ball({-1, 0.5, 0.5});
   Motion motion;
