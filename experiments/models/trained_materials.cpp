@@ -30,6 +30,9 @@ std::map<std::string, MaterialConfig> read_materials(const nn::Weights& weights,
   const std::string place = "'" + weights.file + "' (metadata training.materials)";
   try {
     const Json materials = Json::parse(text);
+    if (!materials.is_object() || materials.empty())
+      throw InputError(place + " names no material (" + text.substr(0, 60) +
+                       ", needed: an object of them by name). Train the network again, or copy the file anew");
     const Json body = {{"shape", "box"},
                        {"size", {0.1, 0.1, 0.1}},
                        {"position", {0.5, 0.5, 0.5}},

@@ -18,6 +18,8 @@ struct FindSurfaceBlocks {
   ObstacleSetView obstacles;
   int32_t* found;
   GRAUPEL_HD void operator()(int64_t index) const {
+    found[index] = 0;
+    if (obstacles.count == 0) return;
     const Vec<int, 3> block = grid.block_of(static_cast<int32_t>(index));
     Vec<T, 3> centre;
     for (int d = 0; d < 3; ++d) centre[d] = grid.origin[d] + (T(block_width) * T(block[d]) + T(1.5)) * grid.dx;

@@ -48,7 +48,9 @@ TEST(TrainedMaterials, TellOfMaterialsThatWereNotThere) {
 
 TEST(TrainedMaterials, SayNothingWhereWeightsDoNot) {
   EXPECT_TRUE(unlike_training({}, scene_with("snow", R"({"preset": "taichi_snow"})")).empty());
-  EXPECT_THROW(unlike_training(taught("{"), scene_with("snow", R"({"preset": "taichi_snow"})")), InputError);
+  for (const char* damaged : {"{", "{}", "[]", "3", R"({"water": {"density": -1}})"})
+    EXPECT_THROW(unlike_training(taught(damaged), scene_with("snow", R"({"preset": "taichi_snow"})")), InputError)
+        << damaged;
 }
 
 /// Weights of a training on sand of 20 to 45 degrees on floors of friction 0.1 to 0.7.

@@ -54,6 +54,14 @@ class Metadata(Case):
                 ("periodic_boundary_conditions", [True], "2 times true or false")):
             self.refused(errors.InputError, ("metadata.json", f"'{key}' ", words), self.read, {**EXAMPLE, key: value})
 
+    def test_a_byte_order_mark_is_passed_over(self):
+        with open(self.path("m.json"), "w", encoding="utf-8-sig") as file:
+            json.dump(EXAMPLE, file)
+        self.assertEqual(metadata.read_metadata(self.path("m.json")).dimensions, EXAMPLE["dim"])
+        with open(self.path("m.json"), "w", encoding="utf-16") as file:
+            json.dump(EXAMPLE, file)
+        self.refused(errors.InputError, "m.json", metadata.read_metadata, self.path("m.json"))
+
     def test_files_that_are_no_json_are_named(self):
         for text in ('{"dim": 2,}', '{"dim": 2, "dim": 3}', '{"dim": NaN}', "[" * 100000):
             with open(self.path("m.json"), "w", encoding="utf-8") as file:
@@ -214,6 +222,9 @@ class Command(Case):
         refused("--format", 2, "--format", "npz")
         refused("Did you mean 'sand'?", 2, "--types", "5=sandd")
         refused("is for weights", 2, "--numbers", "f16")
+        refused("an argument is empty", 2, "--json", "")
+        refused("an argument is empty", 2, "--json=")
+        self.convert(self.gns_set(), "", code=2, words="an argument is empty")
         self.convert(self.folder, self.path("out"), code=3, words="holds no data set")
         self.convert(self.path("nowhere"), self.path("out"), code=3, words="is no folder")
 

@@ -17,6 +17,8 @@ from .series import SPLITS
 
 def parse(arguments):
     parser = make_parser()
+    if any(word in ("", "--json=") for word in arguments):
+        parser.error("an argument is empty (allowed: the name of a file or folder). Give one, or leave it out")
     with printing():  # --help
         options = parser.parse_args(arguments)
     options.split = [name for names in options.split for name in names.split(",")]

@@ -49,7 +49,7 @@ def read_json(path):
     try:
         if os.path.getsize(path) > MOST_BYTES:
             raise InputError(f"'{path}' is too large for JSON (at most {MOST_BYTES} bytes). Give another")
-        with open(path, encoding="utf-8") as file:
+        with open(path, encoding="utf-8-sig") as file:  # editors may put a byte order mark before it
             return parse_json(file.read(), path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read '{path}' ({error}). Give the data set with its metadata.json") from error
