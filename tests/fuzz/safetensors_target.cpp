@@ -89,7 +89,8 @@ void run_reduced(const nn::Weights& weights) {
   nn::Weights stored = model.store(nn::DType::f16);
   stored.file = "stored again";
   static_cast<void>(rom::ReducedModel::load(stored));
-  if (!is_small(scene) || model.substeps_per_frame > most_substeps) return;
+  const double substeps = scene.frame_time / model.frame_time * static_cast<double>(model.substeps_per_frame);
+  if (!is_small(scene) || !(substeps / model.step_factor <= most_substeps)) return;
   std::vector<double> parameters;
   for (const rom::ModelParameter& p : model.parameters) parameters.push_back(p.low);
   rom::ReducedSolver<float> solver(model, mpm::PreparedScene(scene, {.seed = scene.seed}), parameters, {});
