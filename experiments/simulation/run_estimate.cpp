@@ -1,5 +1,7 @@
 #include "experiments/simulation/run_estimate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -35,7 +37,23 @@ mpm::RunStatistics first_substeps(const Scene& scene, const mpm::SimulationOptio
   return run->statistics();
 }
 
+/// One entry a block of the whole domain, filled or empty [bytes].
+double directory_bytes(const mpm::MemoryNeed& empty) { return std::max(empty.host_bytes, empty.device_bytes); }
+
+std::string blocks_text(const Domain& domain, const mpm::MemoryNeed& empty) {
+  return fmt::format("{:.3g} grid blocks of 4^{} nodes, {:.0f} bytes each", empty.blocks, domain.axes(),
+                     directory_bytes(empty) / empty.blocks);
+}
+
 }  // namespace
+
+std::string remark_on_memory(const Scene& scene, const mpm::SimulationOptions& simulation) {
+  const mpm::MemoryNeed empty = mpm::least_memory(scene.domain, simulation, 0);
+  const double directory = directory_bytes(empty);
+  if (directory < 1e9 || directory < 0.8 * directory_bytes(mpm::least_memory(scene, simulation))) return "";
+  return fmt::format("the domain takes {} of memory, most of it empty ({}). A smaller domain or a larger dx takes less",
+                     human_bytes(directory), blocks_text(scene.domain, empty));
+}
 
 void print_run_estimate(const SimulateOptions& options, const Scene& scene, const mpm::SimulationOptions& simulation) {
   const StopPolicyScope nothing_is_lost(StopPolicy::at_once);
@@ -54,11 +72,9 @@ void print_run_estimate(const SimulateOptions& options, const Scene& scene, cons
   std::printf("memory           %s on the device (%.0f peak bytes per particle), %s available\n",
               human_bytes(memory).c_str(), per_particle,
               human_bytes(static_cast<double>(available_bytes(simulation.device)) + memory).c_str());
-  // One entry a block of the whole domain, in which matter can be: of a large and empty one most of the memory.
   const mpm::MemoryNeed empty = mpm::least_memory(scene.domain, simulation, 0);
-  const double directory = std::max(empty.host_bytes, empty.device_bytes);
-  std::printf("of it the domain %s (%.3g grid blocks of 4^%d nodes, %.0f bytes each)\n", human_bytes(directory).c_str(),
-              empty.blocks, scene.domain.axes(), directory / empty.blocks);
+  std::printf("of it the domain %s (%s)\n", human_bytes(directory_bytes(empty)).c_str(),
+              blocks_text(scene.domain, empty).c_str());
   std::printf("disk, at most    %s\ntime, about      %s (from %lld substeps on this machine)\n",
               human_bytes(disk).c_str(), human_time(seconds).c_str(), static_cast<long long>(statistics.substeps));
   options.common.write_json({{"particles", e.particles},
@@ -66,7 +82,7 @@ void print_run_estimate(const SimulateOptions& options, const Scene& scene, cons
                              {"substeps", e.substeps},
                              {"memory_bytes", statistics.peak_bytes},
                              {"peak_bytes_per_particle", per_particle},
-                             {"domain_bytes", directory},
+                             {"domain_bytes", directory_bytes(empty)},
                              {"disk_bytes", disk},
                              {"seconds", seconds}});
 }

@@ -8,6 +8,7 @@
 #include "core/system/error.h"
 #include "core/system/output_files.h"
 #include "experiments/process/file_name.h"
+#include "experiments/process/process.h"
 #include "experiments/simulation/recorded_run.h"
 #include "experiments/simulation/run_estimate.h"
 #include "experiments/simulation/saved_run.h"
@@ -135,6 +136,7 @@ void simulate(SimulateOptions& options) {
   }
   if (options.output.empty()) options.output = default_output(scene);
   check_outputs(options, scene);
+  if (const std::string remark = remark_on_memory(scene, simulation); !remark.empty()) warn(remark);
   RecordedRun run(options, scene, simulation, saved);
   run.finish();
   run.report();

@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "core/system/atomic_file.h"
+#include "experiments/simulation/run_estimate.h"
+#include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "tests/apps/program.h"
 
@@ -74,6 +76,18 @@ TEST(Simulate, DryRunPrintsCostsAndWritesNothing) {
        {"particles", "885", "substeps", "memory", "of it the domain", "13 bytes each", "disk", "time"})
     EXPECT_TRUE(outcome.says(word)) << word;
   EXPECT_FALSE(std::filesystem::exists(folder.file("a.h5")));
+}
+
+TEST(Simulate, AnEmptyDomainOfGigabytesIsRemarkedOn) {
+  Scene scene = io::parse_scene(small_scene(), "scene", ".");
+  EXPECT_EQ(experiments::remark_on_memory(scene, {}), "");
+  scene.domain.size = {60, 60, 60};
+  scene.domain.dx = 1.0 / 64;
+  const std::string remark = experiments::remark_on_memory(scene, {});
+  EXPECT_NE(remark.find("the domain takes 11.6 GB of memory"), std::string::npos) << remark;
+  EXPECT_NE(remark.find("8.9e+08 grid blocks of 4^3 nodes, 13 bytes each"), std::string::npos) << remark;
+  scene.sources[0].size = {30, 30, 10};  // as much for the matter
+  EXPECT_EQ(experiments::remark_on_memory(scene, {}), "");
 }
 
 TEST(Simulate, KilledRunIsRecoveredFrameByFrame) {
