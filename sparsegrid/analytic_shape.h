@@ -1,6 +1,9 @@
 // Exact signed distances of the shapes of core/scene/scene.h, each in the body's own frame.
 #pragma once
 
+#include <array>
+#include <tuple>
+
 #include "core/scene/scene.h"
 
 namespace graupel::sparsegrid {
@@ -12,6 +15,12 @@ struct LocalBox {
 
 /// Whether the shape is given by a formula (all but mesh, vdb and points).
 bool is_analytic(Shape shape);
+
+/// Equal for bodies whose shapes are equal, each in its own frame. Analytic shapes only.
+using ShapeKey = std::tuple<Shape, std::array<double, 3>, double, double>;
+inline ShapeKey shape_key(const Body& body) {
+  return {body.shape, {body.size[0], body.size[1], body.size[2]}, body.radius, body.height};
+}
 
 /// Euclidean distance [m] from `local` (the body's own frame) to the surface, negative inside. Analytic shapes only.
 double analytic_distance(const Body& body, const Vec3d& local);

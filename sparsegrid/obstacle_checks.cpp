@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
 
 #include "core/system/error.h"
 #include "sparsegrid/analytic_shape.h"
@@ -111,7 +112,10 @@ void check_level_set_size(const std::string& name, const std::string& what, cons
 
 double grid_bytes(const Scene& scene) {
   double bytes = 0;
-  for (const Obstacle& obstacle : scene.obstacles) bytes += bytes_of(obstacle, scene.voxel(), scene.band());
+  std::set<ShapeKey> known;  // equal bodies share a grid
+  for (const Obstacle& obstacle : scene.obstacles)
+    if (!is_analytic(obstacle.shape) || known.insert(shape_key(obstacle)).second)
+      bytes += bytes_of(obstacle, scene.voxel(), scene.band());
   return bytes;
 }
 

@@ -3,7 +3,6 @@
 #include "sparsegrid/obstacle_set.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -145,7 +144,7 @@ class SharedGrids {
   template <typename Make>
   SharedGrid get(const Scene& scene, const Obstacle& body, const Make& make) {
     if (body.mesh || !body.file.empty()) return std::make_shared<const LevelSetGrid>(make());
-    const Key key = {body.shape, in_order(body.size), body.radius, body.height, scene.voxel(), scene.band()};
+    const Key key = {shape_key(body), scene.voxel(), scene.band()};
     {
       const std::lock_guard lock(mutex_);
       const auto found = grids_.find(key);
@@ -165,8 +164,7 @@ class SharedGrids {
   }
 
  private:
-  using Key = std::tuple<Shape, std::array<double, 3>, double, double, double, double>;
-  static std::array<double, 3> in_order(const Vec3d& x) { return {x[0], x[1], x[2]}; }
+  using Key = std::tuple<ShapeKey, double, double>;
 
   std::mutex mutex_;
   std::map<Key, std::weak_ptr<const LevelSetGrid>> grids_;

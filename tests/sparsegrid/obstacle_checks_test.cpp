@@ -105,6 +105,12 @@ TEST(ObstacleChecks, TheEstimateOfGridsIsThatOfWhatIsBuilt) {
   EXPECT_LT(grid_bytes(scene), 2.5 * bytes);
   EXPECT_GT(grid_bytes(scene), bytes / 1.5);
   EXPECT_NO_THROW(check_grids_fit(scene, grid_bytes(scene)));
+  Scene twice = scene;
+  for (Obstacle body : scene.obstacles) {
+    body.position = {0.3, 0.3, 0.3};
+    twice.obstacles.push_back(body);
+  }
+  EXPECT_EQ(grid_bytes(twice), grid_bytes(scene)) << "equal bodies share a grid";
   try {
     check_grids_fit(scene, 1e6);
     ADD_FAILURE() << "12 grids fit into 1 MB";
