@@ -109,8 +109,9 @@ HttpServer::HttpServer(int port, HttpHandler handler) : handler_(std::move(handl
     const int problem = errno;
     ::close(listener_);
     if (problem == EADDRINUSE || problem == EACCES)
-      throw ConfigError("port " + std::to_string(port) + " cannot be used (" + std::strerror(problem) +
-                        "). Give another by --port, or leave --port out: a free one is then taken");
+      throw ConfigError("port " + std::to_string(port) + " cannot be used (" + std::strerror(problem) + "). Give " +
+                        (problem == EACCES ? "one from 1024 to 65535" : "another") +
+                        " by --port, or leave --port out: a free one is then taken");
     errno = problem;
     throw_system_error("cannot listen on 127.0.0.1:" + std::to_string(port));
   }

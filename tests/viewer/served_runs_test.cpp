@@ -201,6 +201,21 @@ TEST_F(View, SignalsEndIt) {
   }
 }
 
+TEST_F(View, APortOfTheSystemIsRefusedWithoutItsPermission) {
+  int first_of_users = 0;
+  std::ifstream("/proc/sys/net/ipv4/ip_unprivileged_port_start") >> first_of_users;
+  if (first_of_users <= 80) GTEST_SKIP() << "this machine gives port 80 to every user";
+  const std::string rights = ::geteuid() == 0 ? "--bounding-set -net_bind_service --inh-caps -net_bind_service " : "";
+  const std::string setpriv = "/usr/bin/setpriv";
+  if (run_program(setpriv, rights + "true").exit_code != 0)
+    GTEST_SKIP() << "no program can be started without the right to ports below 1024 (needs setpriv)";
+  const Outcome refused = run_program(
+      setpriv, rights + "/usr/bin/timeout 20 '" GRAUPEL_BINARY_DIR "/graupel' view " + file("small.h5") + " --port 80");
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_TRUE(refused.says("port 80 cannot be used (Permission denied). Give one from 1024 to 65535"))
+      << refused.output;
+}
+
 TEST_F(View, SaysWhatIsWrong) {
   ViewProgram program({file("small.h5")});
   const std::string port = std::to_string(program.port());
@@ -208,6 +223,12 @@ TEST_F(View, SaysWhatIsWrong) {
   EXPECT_EQ(taken.exit_code, 2);
   EXPECT_TRUE(taken.says("port " + port + " cannot be used")) << taken.output;
   EXPECT_TRUE(taken.says("leave --port out")) << taken.output;
+  for (const std::string out_of_range : {"0", "65536", "-1"}) {
+    const Outcome refused = graupel("view " + file("small.h5") + " --port " + out_of_range);
+    EXPECT_EQ(refused.exit_code, 2) << refused.output;
+    EXPECT_TRUE(refused.says("'" + out_of_range + "' is not usable (allowed: a whole number, 1 to 65535)"))
+        << refused.output;
+  }
   EXPECT_EQ(graupel("view " + file("none.h5")).exit_code, 3);
   const Outcome missing = graupel("view " + file("none.json"));
   EXPECT_EQ(missing.exit_code, 3) << missing.output;
