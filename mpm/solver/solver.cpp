@@ -238,6 +238,13 @@ void Solver<T>::throw_diverged(double dt, const StateSpeeds& before) const {
   bad.time = time();
   bad.dt = dt;
   bad.before = before;
+  bad.wave = fastest_at_rest(grid_.material_configs);
+  for (std::size_t m = 0; m < user_laws_.size(); ++m) {
+    if (!user_laws_[m]) continue;
+    const double speed = user_laws_[m]->sound_speed({Mat3d::identity(), user_laws_[m]->initial_internal()});
+    if (speed > bad.wave.speed) bad.wave = {speed, grid_.material_configs[m].name};
+  }
+  bad.largest_number = static_cast<double>(std::numeric_limits<T>::max());
   const auto material = static_cast<std::size_t>(host.material[slot]);
   if (user_laws_.empty() || !user_laws_[material]) mpm::throw_diverged(scene_, grid_.material_configs[material], bad);
   bad.internal = 1;  // the law's own, no volume ratio

@@ -21,7 +21,7 @@ double stable_step(double courant, double dx, const StateSpeeds& s) {
 
 [[noreturn]] void throw_endless(const TimeStep& policy, double dx, double limit, const StateSpeeds& speeds) {
   const char* key = policy.policy != StepPolicy::adaptive ? nullptr : policy.max_step <= limit ? "max_step" : "courant";
-  if (key != nullptr && stable_step(usual_courant, dx, speeds) > 100 * limit)
+  if (key != nullptr && usual_step(dx, speeds) > 100 * limit)
     throw ConfigError(fmt::format("time_step.{} = {:.3g} makes steps of {:.3g} s, over a million a frame. Raise it",
                                   key, policy.max_step <= limit ? policy.max_step : policy.courant, limit));
   throw DivergedError(fmt::format(
@@ -61,8 +61,10 @@ void check_scripted_speed(const Scene& scene, double speed) {
         cells, dt, speed, static_cast<int64_t>(std::ceil(speed * scene.frame_time / scene.domain.dx))));
 }
 
+double usual_step(double dx, const StateSpeeds& speeds) { return stable_step(usual_courant, dx, speeds); }
+
 double suggested_step(double dx, const StateSpeeds& speeds, double dt) {
-  const double stable = stable_step(usual_courant, dx, speeds);
+  const double stable = usual_step(dx, speeds);
   return std::isfinite(stable) ? std::clamp(stable, dt / 8, dt / 2) : dt / 8;
 }
 

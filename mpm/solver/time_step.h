@@ -31,7 +31,10 @@ double next_step(const TimeStep& policy, double dx, double frame_time, const Sta
 /// cell.
 void check_scripted_speed(const Scene& scene, double speed);
 
-/// Step that a run which diverged with steps of `dt` should try [s]: a courant number of 0.3, between dt/8 and dt/2.
+/// Largest stable step at a Courant number of 0.3 [s]; infinite for a state at rest without waves.
+double usual_step(double dx, const StateSpeeds& speeds);
+/// Step that a run which diverged with steps of `dt` should try [s]: the usual one of the state before, which may be
+/// half broken, so between dt/8 and dt/2.
 double suggested_step(double dx, const StateSpeeds& speeds, double dt);
 
 }  // namespace graupel::mpm

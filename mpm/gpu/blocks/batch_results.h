@@ -34,6 +34,7 @@ template <typename Batch>
   bad.dt = static_cast<double>(c.dt);
   bad.time = time;
   bad.before = {c.before_speed, c.before_sound, setup.diffusivity};
+  bad.wave = fastest_at_rest(setup.material_configs);
   const auto slot = static_cast<std::size_t>(
       std::find(host.source_index.begin(), host.source_index.end(), c.bad_particle) - host.source_index.begin());
   bad.speed = static_cast<double>(norm(host.velocity.at(slot)));
