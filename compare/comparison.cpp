@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "compare/comparison_files.h"
+#include "compare/deciding_metrics.h"
 
 namespace graupel::compare {
 
@@ -45,8 +46,12 @@ MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std:
     for (const ModelResult& result : scene.models) {
       if (result.model != model || (!category.empty() && scene.category != category)) continue;
       ++scenes;
-      for (const auto& [key, value] : result.values)
-        if (value > 0) logs[key].push_back(std::log(value));
+      const MetricValues least = is_truth(scene, result) ? MetricValues{} : resolution(scene.dx);
+      for (const auto& [key, value] : result.values) {
+        const auto resolved = least.find(key);
+        const double counted = resolved == least.end() ? value : std::max(value, resolved->second);
+        if (counted > 0) logs[key].push_back(std::log(counted));
+      }
     }
   MetricValues mean;
   for (const auto& [key, values] : logs)

@@ -69,6 +69,7 @@ struct SceneResult {
   std::size_t particles = 0;
   std::size_t frames = 0;  ///< predicted frames
   double frame_time = 0;   ///< [s]
+  double dx = 0;           ///< [m]
   Vec3d low, size;         ///< domain [m]
   Vec3d up;
   std::vector<double> true_energy;     ///< kinetic energy of the truth [J], entry k is frame k + 1
@@ -110,7 +111,8 @@ struct Comparison {
 /// of scenes.
 MetricValues mean_over_scenes(const Comparison& comparison, const std::string& model);
 /// The geometric mean, of the metrics that are positive in all of them: not ruled by the scene with the largest error.
-/// With a category, over the scenes of that one.
+/// Deciding errors of models but the truth count as their resolution at least. With a category, over the scenes of that
+/// one.
 MetricValues geometric_mean_over_scenes(const Comparison& comparison, const std::string& model,
                                         const std::string& category = "");
 /// Categories of the scenes, in the order in which they come first, and the number of scenes of one.

@@ -14,7 +14,6 @@ namespace graupel::compare {
 
 namespace {
 
-constexpr double smallest = 1e-30;       // an error of 0 in a ratio
 constexpr std::size_t lasting = 3;       // frames in a row that make a failure
 constexpr double noticeable = 1.0 / 20;  // of the rival's largest error
 
@@ -80,18 +79,30 @@ std::vector<std::string> names_of(const Comparison& comparison) {
   return names;
 }
 
-double floor_of(const SceneResult& scene, const std::string& key) {
+double measured_floor(const SceneResult& scene, const std::string& key) {
   const MetricValues floors = floors_of(scene);
   const auto floor = floors.find(key);
   return floor == floors.end() ? 0 : floor->second;
 }
 
-/// Sum over scenes and deciding metrics of the error's logarithm; below its floor an error counts as that.
+MetricValues deciding_floors_of(const SceneResult& scene) {
+  return deciding_floors(scene.models.empty() ? MetricValues{} : scene.models.front().values, scene.dx);
+}
+
+double floor_of(const SceneResult& scene, const std::string& key) {
+  return deciding_floors_of(scene).at("floor_" + key);
+}
+
+/// An error below its floor counts as that.
+double counted(const SceneResult& scene, const MetricValues& values, const std::string& key) {
+  return std::max(values.at(key), floor_of(scene, key));
+}
+
+/// Sum over scenes and deciding metrics of the error's logarithm.
 double log_errors(const Scenes& scenes, const std::string& name) {
   double sum = 0;
   for (const SceneResult* scene : scenes)
-    for (const char* key : deciding_metrics)
-      sum += std::log(std::max({row_of(*scene, name)->values->at(key), floor_of(*scene, key), smallest}));
+    for (const char* key : deciding_metrics) sum += std::log(counted(*scene, *row_of(*scene, name)->values, key));
   return sum;
 }
 
@@ -115,13 +126,15 @@ double at(const std::vector<double>& curve, std::size_t k) { return k < curve.si
 
 /// Whether the errors of frame k + 1 are beyond the rival's. Position errors are compared as distances.
 bool behind(const SceneResult& scene, const Row& model, const Row& rival, std::size_t k) {
+  const MetricValues least = resolution(scene.dx);
   const auto beyond = [&](const std::vector<double>& own, const std::vector<double>& other,
-                          const std::vector<double>& floor, double (*size)(double)) {
+                          const std::vector<double>& floor, const char* key, double (*size)(double)) {
     const double largest = other.empty() ? 0 : size(*std::max_element(other.begin(), other.end()));
-    return size(at(own, k)) > size(at(other, k)) + size(at(floor, k)) + noticeable * largest;
+    return size(at(own, k)) > size(at(other, k)) + size(std::max(at(floor, k), least.at(key))) + noticeable * largest;
   };
-  return beyond(model.curves->position, rival.curves->position, scene.floor_position, std::sqrt) &&
-         beyond(model.curves->density, rival.curves->density, scene.floor_density, [](double v) { return v; });
+  return beyond(model.curves->position, rival.curves->position, scene.floor_position, "position_mse_all", std::sqrt) &&
+         beyond(model.curves->density, rival.curves->density, scene.floor_density, "density_error",
+                [](double v) { return v; });
 }
 
 std::optional<FirstFailure> failure_in(const SceneResult& scene, const Row& model, const Row& rival) {
@@ -174,8 +187,8 @@ MetricContest metric_contest(const Scenes& scenes, const std::string& name, cons
   for (const SceneResult* scene : scenes) {
     const MetricValues &own = *row_of(*scene, name)->values, &other = *row_of(*scene, rival)->values;
     const double floor = floor_of(*scene, key), difference = own.at(key) - other.at(key);
-    ratio.add(std::max(own.at(key), smallest), std::max(other.at(key), smallest));
-    floor_ratio.add(floor, std::max(other.at(key), smallest));
+    ratio.add(counted(*scene, own, key), counted(*scene, other, key));
+    floor_ratio.add(measured_floor(*scene, key), counted(*scene, other, key));
     better += difference < -floor;
     worse += difference > floor;
   }
@@ -202,11 +215,7 @@ Contest hold(const Scenes& all, const std::string& name, const std::string& riva
       contest.frame_ms += (frame_ms - contest.frame_ms) / ++timed_scenes;
     time.add(time_of(own), time_of(other));
     mpm_time.add(time_of(own), scene->mpm_frame_ms);
-    const auto verdict = verdicts(*own.values, *other.values, [&] {
-      MetricValues floors;
-      for (const char* key : deciding_metrics) floors[std::string("floor_") + key] = floor_of(*scene, key);
-      return floors;
-    }());
+    const auto verdict = verdicts(*own.values, *other.values, deciding_floors_of(*scene));
     contest.won += wins(verdict);
     contest.lost += loses(verdict);
     if (name == rival) continue;
@@ -261,8 +270,6 @@ std::vector<Contest> decisive_contests(const Comparison& comparison) {
   return {};
 }
 
-std::string ratio_text(double ratio) { return ratio < 1e-9 ? "0" : short_number(ratio); }
-
 const char* deciding_name(const std::string& key) {
   return key == "position_mse_all" ? "position MSE" : key == "sinkhorn" ? "Sinkhorn divergence" : "density error";
 }
@@ -277,7 +284,8 @@ std::string floor_sentence(const Comparison& comparison) {
   return computed(comparison, MetricGroup::floors)
              ? "Differences within the noise floor, what MPM differs from itself with particles moved by 1e-4 dx or "
                "another seed, count for nobody."
-             : "Noise floors were not measured (--no-floors): small differences may be chance.";
+             : "Noise floors were not measured (--no-floors): small differences may be chance. Those of a shift by "
+               "1e-4 dx count for nobody.";
 }
 
 std::string contest_sentence(const Contest& contest, const Comparison& comparison) {
@@ -288,7 +296,7 @@ std::string contest_sentence(const Contest& contest, const Comparison& compariso
     if (metric.outcome == Outcome::level)
       ties.push_back(deciding_name(key));
     else
-      amounts.push_back(fmt::format("{} times its {}", ratio_text(metric.ratio), deciding_name(key)));
+      amounts.push_back(fmt::format("{} times its {}", short_number(metric.ratio), deciding_name(key)));
   }
   const char* verb = contest.outcome == Outcome::wins    ? "wins against"
                      : contest.outcome == Outcome::loses ? "loses to"

@@ -16,12 +16,12 @@ enum class Outcome { wins, level, loses };
 /// A deciding metric over the scenes of a contest.
 struct MetricContest {
   Outcome outcome = Outcome::level;  ///< level: within the noise floor, or better in as many scenes as worse
-  double ratio = 1;                  ///< geometric mean of the error over the rival's
+  double ratio = 1;                  ///< geometric mean of the error over the rival's, of the floor each at least
   double floor_ratio = 0;            ///< of the noise floor over the rival's error; 0 where it was not computed
 };
 
 /// Where a model falls behind: the first of three frames in a row in which both its position and its density error are
-/// beyond the rival's, by more than the frame's noise floor and a twentieth of the rival's largest error; or where it
+/// beyond the rival's, by more than the frame's floor and a twentieth of the rival's largest error; or where it
 /// diverges.
 struct FirstFailure {
   std::string scene;
@@ -50,8 +50,6 @@ std::vector<Contest> contests(const Comparison& comparison);
 std::vector<Contest> decisive_contests(const Comparison& comparison);
 /// "hgn wins against mpm:coarse:fast, ...": who, by how much, at which time, and where it fails first.
 std::string contest_sentence(const Contest& contest, const Comparison& comparison);
-/// Three digits, 0 for what is next to nothing.
-std::string ratio_text(double ratio);
 /// "sand_cone, frame 23", "sand_cone, diverged at frame 23", "nowhere".
 std::string failure_text(const Contest& contest);
 /// "position MSE" for a deciding metric.

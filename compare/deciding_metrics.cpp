@@ -14,13 +14,26 @@ bool most_are(const std::map<std::string, std::string>& verdicts, const char* wo
 
 }  // namespace
 
+MetricValues resolution(double dx) {
+  const double shift = resolved_shift * dx;
+  return {{"position_mse_all", shift * shift}, {"sinkhorn", shift * shift}, {"density_error", resolved_shift}};
+}
+
+MetricValues deciding_floors(const MetricValues& measured, double dx) {
+  MetricValues floors;
+  for (const auto& [key, least] : resolution(dx)) {
+    const auto floor = measured.find("floor_" + key);
+    floors["floor_" + key] = floor == measured.end() ? least : std::max(floor->second, least);
+  }
+  return floors;
+}
+
 std::map<std::string, std::string> verdicts(const MetricValues& model, const MetricValues& opponent,
                                             const MetricValues& floors) {
   std::map<std::string, std::string> verdict;
   for (const std::string key : deciding_metrics) {
     const double difference = model.at(key) - opponent.at(key);
-    const auto floor = floors.find("floor_" + key);
-    if (std::abs(difference) <= (floor == floors.end() ? 0 : floor->second))
+    if (std::abs(difference) <= floors.at("floor_" + key))
       verdict[key] = "tie";
     else
       verdict[key] = difference > 0 ? "worse" : "better";

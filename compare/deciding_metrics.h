@@ -12,8 +12,16 @@ namespace graupel::compare {
 inline constexpr const char* deciding_metrics[] = {"position_mse_all", "sinkhorn", "density_error"};
 inline constexpr int losing_metrics = 2;
 
-/// "better", "worse" or "tie" in each deciding metric. Differences up to MPM's own floor (floor_<metric>, 0 where it
-/// was not computed) are ties.
+/// Shift of matter that is told from none [dx]: to the Sinkhorn divergence, whose iteration ends at a tolerance, a
+/// tenth of it is 0.
+inline constexpr double resolved_shift = 1e-4;
+/// Error of such a shift, by deciding metric: its square [m^2], and the part of the mass that changes nodes of the
+/// density grid.
+MetricValues resolution(double dx);
+/// "floor_<metric>" of the deciding metrics: the measured one, 0 where there is none, but the resolution at least.
+MetricValues deciding_floors(const MetricValues& measured, double dx);
+
+/// "better", "worse" or "tie" in each deciding metric. Differences up to the floor (deciding_floors) are ties.
 std::map<std::string, std::string> verdicts(const MetricValues& model, const MetricValues& opponent,
                                             const MetricValues& floors);
 /// Worse in two deciding metrics or more, whatever the speed.

@@ -21,7 +21,7 @@ const char* style_of(Outcome outcome) {
 
 std::string ratio_cell(const MetricContest& metric, bool is_rival_itself) {
   if (is_rival_itself) return "<td>1</td>";
-  return fmt::format("<td class=\"{}\">{}</td>", style_of(metric.outcome), ratio_text(metric.ratio));
+  return fmt::format("<td class=\"{}\">{}</td>", style_of(metric.outcome), short_number(metric.ratio));
 }
 
 std::string optional_cell(const std::optional<double>& value) {
@@ -56,7 +56,7 @@ std::string row_of(const Contest& contest, const Comparison& comparison, const s
 
 std::string floor_row(const Contest& of) {
   std::string row = "<tr class=\"floor\"><td>noise floor (MPM against itself)</td><td class=\"text\">below: a tie</td>";
-  for (const char* key : deciding_metrics) row += "<td>" + ratio_text(of.metrics.at(key).floor_ratio) + "</td>";
+  for (const char* key : deciding_metrics) row += "<td>" + short_number(of.metrics.at(key).floor_ratio) + "</td>";
   return row + "<td>-</td><td>-</td><td>-</td><td class=\"text\">-</td></tr>\n";
 }
 

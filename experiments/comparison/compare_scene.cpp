@@ -11,10 +11,10 @@
 #include "compare/pictures/png.h"
 #include "compare/pictures/raster.h"
 #include "core/scene/kinematic_particles.h"
-#include "core/scene/material_config.h"
 #include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "experiments/comparison/fairness.h"
+#include "experiments/comparison/stored_truth.h"
 #include "experiments/models/trained_materials.h"
 #include "experiments/process/process.h"
 #include "graph/features/particle_lifecycle.h"
@@ -29,60 +29,10 @@ namespace {
 constexpr std::size_t history_of_one_step = 5;  ///< frames before the first one-step error
 constexpr std::size_t obstacle_points = 12000;  ///< in the report's player
 
-/// Mass and volume of stored particles: from the sources where they give the same particles, else the mean by material.
-void attach_masses(const Scene& scene, uint64_t seed, compare::ParticleRun& run) {
-  const StartState sampled = start_of(scene, seed);
-  if (sampled.particle_type == run.trajectory.particle_type) {
-    run.mass = sampled.mass;
-    run.volume = sampled.volume;
-    return;
-  }
-  if (!kinematic_mask(run.trajectory.particle_type).empty())
-    throw InputError(
-        "a trajectory holds kinematic particles that its scene does not make (allowed: those of the scene). Data of "
-        "other programs are compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`");
-  for (const int32_t type : run.trajectory.particle_type) {
-    const auto same = std::find(sampled.particle_type.begin(), sampled.particle_type.end(), type);
-    if (same == sampled.particle_type.end())
-      throw InputError(fmt::format(
-          "a trajectory holds particles of type {}, which its scene has not. Make the data set again; data of "
-          "other programs are compared with by `graupel rollout WEIGHTS DATA.h5 --start truth:N`",
-          particle_type_name(type)));
-    const auto k = static_cast<std::size_t>(same - sampled.particle_type.begin());
-    run.mass.push_back(sampled.mass[k]);
-    run.volume.push_back(sampled.volume[k]);
-  }
-}
-
 /// The scene without its moving obstacles, of which pictures and one-step errors know nothing.
 Scene fixed_part(Scene scene) {
   std::erase_if(scene.obstacles, [](const Obstacle& obstacle) { return obstacle.motion.has_value(); });
   return scene;
-}
-
-/// Where the truth's particles start: as stored, but those that emitters will send out, of which a file stores neither
-/// velocity nor time.
-StartState start_of_stored(const SceneTask& task, const compare::ParticleRun& truth) {
-  StartState start = start_of(task.scene, task.seed);
-  const bool as_stored = start.particle_type == truth.trajectory.particle_type;
-  if (!start.birth_time.empty() && !as_stored)
-    throw InputError(fmt::format(
-        "'{}' holds other particles than its scene's sources and emitters make ({}, {} of the scene). Make the data "
-        "set again, or name the scene file",
-        task.source, truth.size(), start.position.size()));
-  if (!as_stored) start = {};
-  start.particle_type = truth.trajectory.particle_type;
-  start.mass = truth.mass;
-  start.volume = truth.volume;
-  start.position.resize(truth.size());
-  start.velocity.resize(truth.size());
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    if (!start.birth_time.empty() && start.birth_time[i] > 0) continue;
-    start.position[i] = truth.position(0)[i];
-    start.velocity[i] = task.initial_velocity[i];
-  }
-  if (!as_stored) add_schedule(task.scene, task.seed, start);
-  return start;
 }
 
 }  // namespace
@@ -101,6 +51,7 @@ SceneComparison::SceneComparison(const CompareOptions& options, const SceneTask&
   result_.category = task.category;
   result_.frames = static_cast<std::size_t>(task.frames);
   result_.frame_time = task.scene.frame_time;
+  result_.dx = task.scene.domain.dx;
   result_.low = task.scene.domain.origin;
   result_.size = task.scene.domain.size;
   result_.up = compare::up_axis(task.scene);
@@ -122,7 +73,7 @@ TimedRun SceneComparison::run_variant(const mpm::SolverVariant& variant) {
 void SceneComparison::make_truth() {
   if (task_.stored) {
     truth_.run.trajectory = *task_.stored;
-    attach_masses(task_.scene, task_.seed, truth_.run);
+    attach_masses(task_, truth_.run);
     start_ = start_of_stored(task_, truth_.run);
     if (!options_.one_step_only) {
       rerun_ = run_variant(mpm::same_solver);
@@ -344,9 +295,10 @@ void SceneComparison::judge(const TimedRun& timed, const compare::RunCost& cost,
   result.forces = timed.forces;
   result.values.merge(compare::cost_values(cost, timed.moved, truth_.cost.frame));
   result.values.insert(floors_.values.begin(), floors_.values.end());
-  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors_.values));
+  const compare::MetricValues floors = compare::deciding_floors(floors_.values, task_.scene.domain.dx);
+  if (options_.floors) result.values.merge(ratios(result.values, opponent_values_, floors));
   const bool is_opponent = opponent_run_ && &timed == &*opponent_run_;
-  if (!is_opponent) result.against_opponent = compare::verdicts(result.values, opponent_values_, floors_.values);
+  if (!is_opponent) result.against_opponent = compare::verdicts(result.values, opponent_values_, floors);
   result.values["loses_to_coarse"] = compare::loses(result.against_opponent) ? 1 : 0;
   if (!backdrop_) return;
   const auto frames = compare::picture_frames(truth_.run.predicted());

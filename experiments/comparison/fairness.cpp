@@ -44,11 +44,11 @@ bool has_one_step_error(ModelKind kind) { return kind == ModelKind::network || k
 
 compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
                              const compare::MetricValues& floors) {
-  constexpr double smallest = 1e-30;  // where both the error and its floor are 0
+  constexpr double smallest = 1e-30;  // [ms] of a run that computes nothing
   compare::MetricValues ratios;
   for (const std::string key : compare::deciding_metrics) {
     const double floor = floors.at("floor_" + key);
-    const auto beyond = [&](double error) { return std::max({error - floor, floor / 10, smallest}); };
+    const auto beyond = [&](double error) { return std::max(error - floor, floor / 10); };
     ratios["ratio_" + key] = beyond(model.at(key)) / beyond(opponent.at(key));
   }
   if (model.count("frame_ms"))

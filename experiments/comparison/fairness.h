@@ -30,7 +30,7 @@ bool judged_by_tracers(const mpm::SolverVariant& variant);
 
 /// References: MPM differs from itself by as much as a run whose particles start, or are born, this far off [dx]
 /// (position errors), and one that samples the sources with the next seed (all others).
-inline constexpr double floor_displacement = 1e-4;
+inline constexpr double floor_displacement = compare::resolved_shift;
 constexpr uint64_t reseeded(uint64_t seed) { return seed + 1; }
 
 /// Opponent: what a learned model has to beat is a coarse grid at its own largest stable step; mpm:coarse at the data's
@@ -43,8 +43,8 @@ bool has_one_step_error(ModelKind kind);
 
 // The metrics that decide, ties within MPM's own floor, and what it is to lose: compare/deciding_metrics.h.
 
-/// Ratios to the opponent, "ratio_<metric>": of what a deciding metric is beyond MPM's own floor, which counts a tenth
-/// of itself at least: max(error - floor, floor / 10); and of frame_ms.
+/// Ratios to the opponent, "ratio_<metric>": of what a deciding metric is beyond its floor (deciding_floors), which
+/// counts a tenth of itself at least: max(error - floor, floor / 10); and of frame_ms.
 compare::MetricValues ratios(const compare::MetricValues& model, const compare::MetricValues& opponent,
                              const compare::MetricValues& floors);
 

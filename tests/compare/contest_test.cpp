@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <nlohmann/json.hpp>
+
 #include "compare/comparison_files.h"
 #include "compare/report/report.h"
 #include "tests/compare/synthetic_comparison.h"
@@ -29,6 +32,7 @@ Comparison contest_of(double error, double floor = -1) {
   SceneResult scene;
   scene.name = "heap";
   scene.frames = 10;
+  scene.dx = 0.01;
   scene.mpm_frame_ms = 20;
   scene.opponent = "mpm:coarse:fast";
   scene.rivals = {{"mpm:coarse:fast", errors(1, 2), flat_curves(1)}, {"nothing-moves", errors(4, 0), flat_curves(4)}};
@@ -101,6 +105,43 @@ TEST(Contest, AMeanThatRunsAgainstTheScenesDecidesNothing) {
   EXPECT_EQ(contest.outcome, Outcome::level);
 }
 
+/// Beaten by half in three scenes; in the first the network's Sinkhorn divergence is exactly 0.
+Comparison with_an_error_of_zero(double rivals) {
+  Comparison comparison = contest_of(1.5);
+  comparison.scenes.resize(3, comparison.scenes[0]);
+  for (std::size_t s = 0; s < 3; ++s) comparison.scenes[s].name += std::to_string(s);
+  comparison.scenes[0].models[1].values["sinkhorn"] = 0;
+  comparison.scenes[0].rivals[0].values["sinkhorn"] = rivals;
+  return comparison;
+}
+
+TEST(Contest, AnErrorOfZeroDecidesNoMeanThatAnotherSceneDoes) {
+  const Comparison comparison = with_an_error_of_zero(1e-13);  // told from 0 from (1e-4 dx)^2 = 1e-12 on
+  const Contest contest = decisive_contests(comparison).front();
+  EXPECT_NEAR(contest.metrics.at("sinkhorn").ratio, std::pow(1.5, 2.0 / 3), 1e-12);  // the first scene is a tie
+  EXPECT_EQ(contest.metrics.at("sinkhorn").outcome, Outcome::loses);
+  EXPECT_THAT(comparison_table(comparison), HasSubstr("1.31 times its Sinkhorn"));
+  EXPECT_THAT(report_html(comparison), HasSubstr("<td class=\"loses\">1.31</td>"));
+  const auto json = comparison_json(comparison);
+  EXPECT_EQ(json["verdicts"][0]["ratios"]["sinkhorn"]["ratio"], contest.metrics.at("sinkhorn").ratio);
+  EXPECT_NEAR(json["geometric_mean"]["models/net.safetensors"]["sinkhorn"], std::cbrt(1e-12 * 1.5 * 1.5), 1e-9);
+  EXPECT_FALSE(json["geometric_mean"]["mpm"].contains("sinkhorn"));  // the truth
+}
+
+TEST(Contest, AnErrorOfZeroCountsAsWhatIsToldFromIt) {
+  const double ratio = decisive_contests(with_an_error_of_zero(1)).front().metrics.at("sinkhorn").ratio;
+  EXPECT_NEAR(ratio, std::cbrt(1e-12 * 1.5 * 1.5), 1e-12);
+}
+
+TEST(Contest, BehindIsMoreThanTheResolution) {
+  Comparison comparison = contest_of(0.25);
+  comparison.scenes[0].rivals[0].curves = flat_curves(0);
+  for (const double error : {1e-14, 1e-3}) {
+    comparison.scenes[0].models[1].curves = flat_curves(error);
+    EXPECT_EQ(decisive_contests(comparison).front().failure.has_value(), error > 1e-4) << error;
+  }
+}
+
 TEST(Contest, TheRivalIsTheStrongestOfTheCheap) {
   Comparison comparison = contest_of(0.25);
   comparison.scenes[0].rivals[1].values = errors(0.1, 0);  // a scene in which nothing happens
@@ -122,7 +163,7 @@ TEST(Contest, MpmIsNoContestantButAgainstTheTruthOfAFile) {
   comparison.scenes[0].stored_truth = true;
   comparison.scenes[0].models[0].curves = flat_curves(0);
   EXPECT_THAT(sentence_of(comparison), HasSubstr("mpm wins against mpm:coarse:fast"));
-  EXPECT_THAT(sentence_of(comparison), HasSubstr("0 times its position MSE"));
+  EXPECT_THAT(sentence_of(comparison), HasSubstr("with 1.00e-12 times its position MSE"));
 }
 
 TEST(Contest, CoarseGridsAloneAreHeldAgainstTheNext) {

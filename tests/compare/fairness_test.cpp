@@ -18,10 +18,22 @@ compare::MetricValues errors(double position, double sinkhorn, double density) {
 
 TEST(Fairness, WorseInTwoOfThreeLosesWhateverTheSpeed) {
   const auto opponent = errors(1, 1, 1);
-  EXPECT_TRUE(loses(verdicts(errors(2, 2, 0.5), opponent, {})));
-  EXPECT_TRUE(loses(verdicts(errors(0.5, 2, 2), opponent, {})));
-  EXPECT_FALSE(loses(verdicts(errors(0.5, 0.5, 2), opponent, {})));
-  EXPECT_FALSE(loses(verdicts(opponent, opponent, {})));
+  const auto floors = compare::deciding_floors({}, 0.02);
+  EXPECT_TRUE(loses(verdicts(errors(2, 2, 0.5), opponent, floors)));
+  EXPECT_TRUE(loses(verdicts(errors(0.5, 2, 2), opponent, floors)));
+  EXPECT_FALSE(loses(verdicts(errors(0.5, 0.5, 2), opponent, floors)));
+  EXPECT_FALSE(loses(verdicts(opponent, opponent, floors)));
+}
+
+TEST(Fairness, DifferencesBelowTheResolutionAreTiesAlsoWithoutFloors) {
+  const auto floors = compare::deciding_floors({{"floor_sinkhorn", 1e-20}, {"floor_density_error", 0.1}}, 0.02);
+  EXPECT_DOUBLE_EQ(floors.at("floor_position_mse_all"), 4e-12);  // (1e-4 dx)^2
+  EXPECT_DOUBLE_EQ(floors.at("floor_sinkhorn"), 4e-12);
+  EXPECT_DOUBLE_EQ(floors.at("floor_density_error"), 0.1);
+  const auto verdict = verdicts(errors(0, 0, 0.05), errors(3e-12, 5e-12, 0.15), floors);
+  EXPECT_EQ(verdict.at("position_mse_all"), "tie");
+  EXPECT_EQ(verdict.at("sinkhorn"), "better");
+  EXPECT_EQ(verdict.at("density_error"), "tie");
 }
 
 TEST(Fairness, DifferencesWithinTheChaosFloorAreTies) {

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "compare/deciding_metrics.h"
 #include "compare/metrics/containment.h"
 #include "compare/metrics/density_grid.h"
 #include "compare/metrics/displacement_error.h"
@@ -124,6 +125,13 @@ TEST(Sinkhorn, ATranslationCostsItsSquare) {
   for (const double d : {0.02, 0.2})
     for (const double eps : {5e-3, 2e-2})
       EXPECT_NEAR(sinkhorn_divergence(a, cloud(120, 0, {d, 0, 0}), eps), d * d, 2e-4 * eps + 1e-3 * d * d);
+}
+
+TEST(Sinkhorn, TellsAShiftOfTheResolutionFromNone) {
+  const double dx = 0.02, shift = resolved_shift * dx, least = resolution(dx).at("sinkhorn");
+  const auto a = cloud(120, 0, {0, 0, 0});
+  EXPECT_NEAR(sinkhorn_divergence(a, cloud(120, 0, {shift, 0, 0}), 4 * dx * dx), least, least / 2);
+  EXPECT_LT(sinkhorn_divergence(a, cloud(120, 0, {shift / 10, 0, 0}), 4 * dx * dx), least / 10);
 }
 
 TEST(Sinkhorn, TwoDiracsAndIdenticalClouds) {
