@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "core/scene/kinematic_particles.h"
+#include "core/scene/materials_by_type.h"
 #include "core/scene/particle_rows.h"
 #include "core/system/error.h"
 #include "graph/config/network_config.h"
@@ -13,6 +14,7 @@
 #include "graph/cpu/lap_timer.h"
 #include "graph/cuda_simulator.h"
 #include "graph/features/frame_step.h"
+#include "graph/features/obstacle_particles.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/features/periodic_images.h"
 #include "graph/features/prescribed_positions.h"
@@ -88,6 +90,12 @@ LearnedSimulator::LearnedSimulator(std::shared_ptr<const nn::Weights> weights)
 const FeatureConfig& LearnedSimulator::config() const { return network_->feature_config(); }
 const nn::Weights& LearnedSimulator::weights() const { return *weights_; }
 
+void LearnedSimulator::check_scene(const Scene& scene) const {
+  check_fit(config(), scene, scene.domain.dx, weights_->file);
+  for (const auto& [name, material] : materials_in_use(scene)) embedding_row(particle_type_of(material.model));
+  if (sees_obstacle_particles(*weights_)) check_obstacle_particles(scene);
+}
+
 std::vector<std::vector<Vec3f>> LearnedSimulator::predict(const Environment& environment,
                                                           const std::vector<int32_t>& particle_type,
                                                           const std::vector<int32_t>& material,
@@ -145,7 +153,7 @@ Trajectory LearnedSimulator::rollout(const Scene& scene, const Environment& envi
                                      const std::vector<std::vector<Vec3f>>& start,
                                      const RolloutOptions& options) const {
   const auto needed = static_cast<std::size_t>(config().history) + 1;
-  check_fit(config(), scene, environment, weights_->file);
+  check_fit(config(), scene, environment.normal_spacing, weights_->file);
   check_start(start, needed, particle_type.size());
   check_schedule(scene, options.schedule, particle_type.size());
   const std::vector<int32_t> material = seen_materials(environment, particle_type, options.material);

@@ -29,6 +29,9 @@ class LearnedSimulator {
   const nn::Weights& weights() const;
   /// Throws ConfigError where the network cannot run on a device: there is no GPU, or what it has is not done there.
   void check_runs_on(Device device) const;
+  /// Throws what rollout() throws of a scene whose environment has the scene's cell size, before any frame: another
+  /// frame time, cell size or number of dimensions, obstacle particles in a plane; InputError for unknown materials.
+  void check_scene(const Scene& scene) const;
 
   /// Accelerations per frame^2 [m], shape [n], from history + 1 positions, newest last: those of the next frame, the
   /// first one of a bundle. `environment` is that of the frame to come, the particles are those in the run. `material`

@@ -160,7 +160,7 @@ std::vector<Trajectory> kept_trajectories(CudaBatch& batch, const Scenes& scenes
 std::string LearnedSimulator::why_alone(const SceneRollout& s) const {
   const std::size_t n = s.particle_type->size();
   const RolloutOptions& options = s.options;
-  check_fit(config(), *s.scene, *s.environment, weights_->file);
+  check_fit(config(), *s.scene, s.environment->normal_spacing, weights_->file);
   check_start(*s.start, static_cast<std::size_t>(config().history) + 1, n);
   check_schedule(*s.scene, options.schedule, n);
   for (const int32_t type : *s.particle_type) static_cast<void>(embedding_row(type));  // its error

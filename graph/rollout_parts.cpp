@@ -10,19 +10,19 @@ namespace graupel::graph {
 
 static bool about_equal(double a, double b) { return std::abs(a - b) <= 1e-3 * std::max(std::abs(a), std::abs(b)); }
 
-void check_fit(const FeatureConfig& config, const Scene& scene, const Environment& environment,
-               const std::string& file) {
+void check_fit(const FeatureConfig& config, const Scene& scene, double normal_spacing, const std::string& file) {
   if (config.dimensions != scene.domain.dimensions)
     throw ConfigError("the network was trained for scenes with another number of dimensions (scene " +
                       std::to_string(scene.domain.dimensions) + ", '" + file + "' " +
                       std::to_string(config.dimensions) + "). Choose weights that were trained on such scenes");
   if (!about_equal(scene.frame_time, config.frame_time))
     throw ConfigError("the network was trained for another frame time (scene " + std::to_string(scene.frame_time) +
-                      " s, '" + file + "' " + std::to_string(config.frame_time) + " s). Set the scene's frame_time");
-  if (config.cell_normal && environment.obstacles.count() > 0 && !about_equal(environment.normal_spacing, config.dx))
+                      " s, '" + file + "' " + std::to_string(config.frame_time) +
+                      " s). Set the scene's frame_time to that");
+  if (config.cell_normal && !scene.obstacles.empty() && !about_equal(normal_spacing, config.dx))
     throw ConfigError("the network was trained with another cell size of the obstacle normals (scene " +
-                      std::to_string(environment.normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
-                      " m). Set the scene's domain.dx");
+                      std::to_string(normal_spacing) + " m, '" + file + "' " + std::to_string(config.dx) +
+                      " m). Set the scene's domain.dx to that");
 }
 
 void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frames, std::size_t particles) {

@@ -14,9 +14,9 @@
 
 namespace graupel::graph {
 
-/// Throws ConfigError where the network of `file` was trained for other scenes (LearnedSimulator::rollout).
-void check_fit(const FeatureConfig& config, const Scene& scene, const Environment& environment,
-               const std::string& file);
+/// Throws ConfigError where the network of `file` was trained for other scenes (LearnedSimulator::rollout), with
+/// obstacle normals on cells of `normal_spacing` [m].
+void check_fit(const FeatureConfig& config, const Scene& scene, double normal_spacing, const std::string& file);
 /// Throws InputError for fewer than `frames` frames, and for frames that are not of so many finite positions.
 void check_start(const std::vector<std::vector<Vec3f>>& start, std::size_t frames, std::size_t particles);
 /// Throws InputError for a schedule of other particles.

@@ -79,6 +79,7 @@ compare::Plot plot_of(const validation::Figure& figure) {
 }
 
 void write_plots(const std::string& folder, const std::string& name, const std::vector<validation::Figure>& figures) {
+  make_folder(folder);
   for (std::size_t i = 0; i < figures.size(); ++i) {
     const std::string number = i == 0 ? "" : fmt::format("-{}", i + 1);
     write_file_atomically(fmt::format("{}/{}{}.svg", folder, name, number), compare::plot_svg(plot_of(figures[i])));

@@ -106,6 +106,16 @@ void check_library_output(const std::string& file) {
 
 void check_output_folder(const std::string& folder) {
   if (folder.empty()) return;
+  struct Made {
+    std::vector<fs::path> folders;  ///< innermost first
+    ~Made() {
+      std::error_code code;
+      for (const fs::path& one : folders) fs::remove(one, code);
+    }
+  } made;
+  std::error_code code;
+  for (fs::path path = fs::absolute(folder, code); !path.empty() && !is_there(path); path = path.parent_path())
+    made.folders.push_back(path);
   make_folder(folder);
   check_writable(folder, folder);
 }

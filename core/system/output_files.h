@@ -13,7 +13,8 @@ void check_output_file(const std::string& file);
 /// The same for what a library writes by itself (HDF5, OpenVDB): also throws IoError for a device or a pipe, which the
 /// finished file would replace, and for "-".
 void check_library_output(const std::string& file);
-/// Makes the folder and its parents; throws IoError when it cannot be made or written to. "" is fine.
+/// Throws IoError when the folder or its parents cannot be made or written to; what it makes for that is removed again.
+/// "" is fine.
 void check_output_folder(const std::string& folder);
 
 /// A file and what named it: "--json", "the scene".

@@ -19,11 +19,11 @@
 #include "core/system/standard_output.h"
 #include "experiments/comparison/compare_scene.h"
 #include "experiments/comparison/fairness.h"
+#include "experiments/comparison/model_fit.h"
 #include "experiments/process/file_name.h"
 #include "experiments/process/json_text.h"
 #include "experiments/process/process.h"
 #include "io/trajectory/input_files.h"
-#include "mpm/memory_need.h"
 #include "nn/offline_cost.h"
 #include "nn/weights.h"
 
@@ -124,42 +124,6 @@ void check_one_step_only(const std::vector<ModelChoice>& models) {
                         "' has no one-step error without a rollout. Leave it or --one-step-only out");
 }
 
-/// The models that run on a scene. A reduced-order model is for one scene, and which is found out before anything long
-/// is run.
-std::vector<ComparedModel> models_for(const SceneTask& task, const std::vector<ComparedModel>& models,
-                                      OtherScenes other_scenes, const TrainingRuns* training_runs) {
-  std::vector<ComparedModel> fitting;
-  for (const ComparedModel& model : models) {
-    check_runs_on(model.choice, task.scene);
-    if (model.network && model.network->config().dimensions != task.scene.domain.dimensions)
-      throw ConfigError(fmt::format(
-          "'{}' is for {} dimensions and '{}' has {} (allowed: the same). Leave out one of them", model.choice.name,
-          model.network->config().dimensions, task.scene.name, task.scene.domain.dimensions));
-    if (!runs_on_all_scenes(model.choice.kind)) {
-      try {
-        const ReducedRun runs_here(*model.reduced, task.scene, task.seed, {}, {.outside = OutsideRange::be_quiet});
-      } catch (const ConfigError&) {
-        if (other_scenes == OtherScenes::leave_out) continue;
-        throw;
-      }
-      if (training_runs != nullptr) check_training_runs(*training_runs, *model.reduced, task);
-    }
-    fitting.push_back(model);
-  }
-  return fitting;
-}
-
-/// Refuses solver variants that do not fit before anything is run; the frames of all models but one are let go.
-void check_memory(const SceneTask& task, const std::vector<ModelChoice>& models, Device device) {
-  const double frames = static_cast<double>(task.frames + 1);
-  for (const ModelChoice& model : models) {
-    if (model.kind != ModelKind::mpm || model.variant.resolution >= 1) continue;
-    const mpm::SimulationOptions options{.device = device, .precision = mpm::Precision::f32, .seed = task.seed};
-    const Scene variant = mpm::variant_scene(task.scene, model.variant);
-    mpm::check_variant_fits(task.scene, model.variant, options, frames * mpm::least_memory(variant, options).particles);
-  }
-}
-
 /// The file of "WEIGHTS.safetensors:no-pull".
 std::string file_of(const std::string& model) {
   const std::string ending = ".safetensors";
@@ -244,12 +208,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
           "--training-runs is for baselines of reduced-order models, and --models names none. Leave it out");
     runs.emplace(options.training_runs);
   }
-  std::vector<std::vector<ComparedModel>> models_of_task;
-  models_of_task.reserve(tasks.size());
-  for (const SceneTask& task : tasks) {
-    models_of_task.push_back(models_for(task, models, options.other_scenes, runs ? &*runs : nullptr));
-    check_memory(task, choices, device);
-  }
+  const auto models_of_task = fitting_models(tasks, models, options.other_scenes, runs ? &*runs : nullptr, device);
 
   comparison.command = options.command;
   comparison.version = version_text();

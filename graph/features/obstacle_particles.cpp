@@ -61,6 +61,13 @@ struct ObstacleParticles::Cache {
   std::map<double, std::vector<Vec3f>> points;  ///< by spacing
 };
 
+void check_obstacle_particles(const Scene& scene) {
+  if (scene.domain.is_plane() && !scene.obstacles.empty())
+    throw ConfigError(
+        "obstacles are made of particles in three dimensions only (gns.obstacle_particles true, domain.dimensions 2). "
+        "Train with gns.obstacle_particles=false");
+}
+
 ObstacleParticles::ObstacleParticles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles)
     : cache_(std::make_shared<Cache>()) {
   cache_->scene.domain = scene.domain;
@@ -70,14 +77,9 @@ ObstacleParticles::ObstacleParticles(const Scene& scene, const sparsegrid::Obsta
 
 const std::vector<Vec3f>& ObstacleParticles::at_spacing(double spacing) const {
   const std::lock_guard<std::mutex> lock(cache_->mutex);
+  check_obstacle_particles(cache_->scene);
   const auto [entry, is_new] = cache_->points.try_emplace(spacing);
   if (!is_new || cache_->obstacles.count() == 0) return entry->second;
-  if (cache_->scene.domain.is_plane()) {
-    cache_->points.erase(entry);
-    throw ConfigError(
-        "obstacles are made of particles in three dimensions only (gns.obstacle_particles true, domain.dimensions 2). "
-        "Train with gns.obstacle_particles=false");
-  }
   for (const Vec3d& x : sparsegrid::sample_surface(cache_->scene, cache_->obstacles, spacing).position)
     entry->second.push_back(x.cast<float>());
   return entry->second;

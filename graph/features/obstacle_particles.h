@@ -11,14 +11,17 @@
 
 namespace graupel::graph {
 
+/// Throws ConfigError where there are obstacles in a scene with two dimensions.
+void check_obstacle_particles(const Scene& scene);
+
 /// The obstacle particles of a scene, for any spacing; copies share them.
 class ObstacleParticles {
  public:
   ObstacleParticles(const Scene& scene, const sparsegrid::ObstacleSet& obstacles);
 
   /// Points on the surface of the union of obstacles inside the domain, no two closer than `spacing` [m], no hole over
-  /// twice that. Made at the first call for a spacing; may be called from several threads. Throws
-  /// ConfigError where there are obstacles in a scene with two dimensions.
+  /// twice that. Made at the first call for a spacing; may be called from several threads. Throws as
+  /// check_obstacle_particles().
   const std::vector<Vec3f>& at_spacing(double spacing) const;
 
  private:

@@ -200,6 +200,35 @@ TEST_F(CompareRuns, FindsUnwritableOutputsBeforeTheWork) {
   EXPECT_THROW(run_compare(o), IoError);
 }
 
+TEST_F(CompareRuns, AllScenesAndModelsThatDoNotGoTogetherAreToldBeforeTheWork) {
+  const auto write = [&](const std::string& name, const std::string& extra, const std::string& domain) {
+    const std::string file = folder_ + "/" + name + ".json";
+    std::ofstream(file) << scene_with(name, extra, domain);
+    return file;
+  };
+  // A truth that diverges would end the comparison before the second scene's turn.
+  const char* endless = R"("time_step": { "policy": "fixed", "substeps_per_frame": 1 }, )";
+  CompareOptions o = options({"mpm", ballistic_network(), folder_ + "/ballistic.safetensors:no-corrections"});
+  o.scenes = {write("stiff", endless, ""), write("slow", R"("frame_time": 0.02, )", ""),
+              write("flat", R"("frame_time": 0.03, )", "")};
+  o.pictures = folder_ + "/new/pictures";
+  o.json = folder_ + "/out.json";
+  EXPECT_THAT([&] { run_compare(o); },
+              ::testing::ThrowsMessage<ConfigError>(::testing::AllOf(
+                  ::testing::HasSubstr("2 pairs of scene and model do not go together"),
+                  ::testing::HasSubstr("scene 'slow' ('" + o.scenes[1] + "') and model '" + o.models[1] + "'"),
+                  ::testing::HasSubstr("another frame time (scene 0.020000 s"), ::testing::HasSubstr("scene 'flat'"),
+                  ::testing::HasSubstr("0.016667 s). Set the scene's frame_time to that"),
+                  ::testing::Not(::testing::HasSubstr("'stiff'")))));
+  EXPECT_FALSE(std::filesystem::exists(folder_ + "/new"));
+  EXPECT_FALSE(std::filesystem::exists(o.json));
+  o.scenes = {write("fine", "", "")};
+  o.set = {"domain.dx=0.02"};
+  EXPECT_THAT([&] { run_compare(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::AllOf(
+                                           ::testing::StartsWith("scene 'fine'"), ::testing::HasSubstr("(scene 0.020000 m"),
+                                           ::testing::HasSubstr("0.031250 m). Set the scene's domain.dx to that"))));
+}
+
 TEST_F(CompareRuns, RefusesWhatItCannotCompare) {
   EXPECT_THROW(make_comparison(options({})), ConfigError);
   for (const char* word : {"mpm:slow", "mpm:", "mpm:fine:fast", "mpm:fast:coarse"})
