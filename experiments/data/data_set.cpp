@@ -57,6 +57,7 @@ class DataSet {
 
   nlohmann::ordered_json make() {
     make_folder(folder_);
+    if (fs::exists(card_file())) check_card();  // a folder that is refused stays as it is, without a lock
     run_jobs(missing_scenes());
     if (remove_damaged_parts()) run_jobs(missing_scenes());
     return merge();
@@ -72,7 +73,10 @@ class DataSet {
   }
 
   std::vector<SceneJob> missing_scenes() const;
-  void check_or_write_card() const;
+  std::vector<std::string> complete_parts(mpm::Split split) const;
+  fs::path card_file() const { return folder_ / "dataset.json"; }
+  nlohmann::ordered_json facts() const;
+  void check_card() const;
   void note_time(double seconds) const;
   void run_jobs(const std::vector<SceneJob>& jobs);
   void log_redraw(const SceneJob& job, const std::string& reason) const;
@@ -92,8 +96,10 @@ class DataSet {
 /// The scenes of this shard that the folder lacks.
 std::vector<SceneJob> DataSet::missing_scenes() const {
   const FileLock hold = lock();
-  make_folder(folder_ / "parts");
-  check_or_write_card();
+  if (fs::exists(card_file()))
+    check_card();
+  else
+    write_file_atomically(card_file(), facts().dump(2) + "\n");
   std::vector<SceneJob> jobs;
   int64_t number = 0, present = 0;
   for (const mpm::Split split : all_splits) {
@@ -107,19 +113,33 @@ std::vector<SceneJob> DataSet::missing_scenes() const {
     }
   }
   if (present > 0) std::fprintf(stderr, "generate: %lld scenes are there already\n", static_cast<long long>(present));
+  if (!jobs.empty()) make_folder(folder_ / "parts");
   return jobs;
 }
 
-/// dataset.json says what the folder holds; a folder of another recipe or seed is refused, and one of another device,
-/// on which the same scene gives other bytes.
-void DataSet::check_or_write_card() const {
-  const fs::path card = folder_ / "dataset.json";
-  const std::string device = name_of(options_.device), fields = source_.fields().names();
+std::vector<std::string> DataSet::complete_parts(mpm::Split split) const {
+  std::vector<std::string> parts;
+  for (int64_t i = 0; i < source_.count(split); ++i)
+    if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+  return parts;
+}
+
+/// What dataset.json says of the folder at its start.
+nlohmann::ordered_json DataSet::facts() const {
   nlohmann::ordered_json facts = source_.card();
-  const nlohmann::ordered_json scenes = facts;
-  facts.update({{"seed", source_.seed()}, {"device", device}, {"fields", fields}, {"made_by", version_text()}});
+  facts.update({{"seed", source_.seed()},
+                {"device", name_of(options_.device)},
+                {"fields", source_.fields().names()},
+                {"made_by", version_text()}});
   facts["made_in"] = nlohmann::ordered_json::array();
-  if (!fs::exists(card)) return write_file_atomically(card, facts.dump(2) + "\n");
+  return facts;
+}
+
+/// A folder of another recipe or seed is refused, and one of another device, on which the same scene gives other bytes.
+void DataSet::check_card() const {
+  const fs::path card = card_file();
+  const std::string device = name_of(options_.device), fields = source_.fields().names();
+  const nlohmann::ordered_json scenes = source_.card();
   const auto old = nlohmann::ordered_json::parse(read_file(card), nullptr, false);
   if (!old.is_object() || !old.contains("seed") || !old["seed"].is_number_integer())
     throw InputError("'" + card.string() +
@@ -141,7 +161,7 @@ void DataSet::check_or_write_card() const {
 /// Adds the time of a run to "made_in" of dataset.json; one of before that key says nothing of the scenes that it has.
 void DataSet::note_time(double seconds) const {
   const FileLock hold = lock();
-  const fs::path file = folder_ / "dataset.json";
+  const fs::path file = card_file();
   auto card = nlohmann::ordered_json::parse(read_file(file));
   if (!card.contains("made_in")) return;
   const std::string device = hardware_name(options_.device, num_threads());
@@ -197,13 +217,11 @@ bool DataSet::remove_damaged_parts() const {
   const FileLock hold = lock();
   bool any = false;
   for (const mpm::Split split : all_splits) {
-    std::vector<fs::path> parts;
-    for (int64_t i = 0; i < source_.count(split); ++i)
-      if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+    const std::vector<std::string> parts = complete_parts(split);
     if (static_cast<int64_t>(parts.size()) < source_.count(split)) continue;
-    for (const fs::path& part : parts) {
+    for (const std::string& part : parts) {
       if (is_whole(part)) continue;
-      std::fprintf(stderr, "generate: '%s' is damaged and is made again\n", printable(part.string()).c_str());
+      std::fprintf(stderr, "generate: '%s' is damaged and is made again\n", printable(part).c_str());
       fs::remove(part);
       any = true;
     }
@@ -215,9 +233,7 @@ bool DataSet::remove_damaged_parts() const {
 bool DataSet::merge_split(mpm::Split split, nlohmann::ordered_json& result) const {
   const int64_t count = source_.count(split);
   if (count > 0 && !is_complete(split_file(split))) {
-    std::vector<std::string> parts;
-    for (int64_t i = 0; i < count; ++i)
-      if (is_complete(part_file({split, i}))) parts.push_back(part_file({split, i}));
+    const std::vector<std::string> parts = complete_parts(split);
     if (static_cast<int64_t>(parts.size()) < count) {
       std::fprintf(stderr,
                    "generate: %s has %zu of %lld scenes; run the same command (or the other shards) for the rest\n",

@@ -1,9 +1,11 @@
 #include "experiments/data/generate.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "core/system/error.h"
 #include "core/system/shell_words.h"
 #include "experiments/data/slurm_array.h"
 #include "io/trajectory/input_files.h"
@@ -19,6 +21,18 @@ void print_slurm_script(const GenerateOptions& options) {
   std::fputs(script.c_str(), stdout);
 }
 
+/// Its errors come before anything is made or submitted.
+std::unique_ptr<SceneSource> open_scenes(const SceneSourceOptions& options) {
+  auto scenes = open_recipe(options);
+  if (std::all_of(std::begin(mpm::all_splits), std::end(mpm::all_splits),
+                  [&](mpm::Split split) { return scenes->count(split) == 0; }))
+    throw ConfigError(
+        "'" + options.recipe +
+        "' has no scenes: counts.train, counts.valid and counts.test are all 0 (allowed: 1 or more in one "
+        "of them at least). Raise one: --set counts.train=N");
+  return scenes;
+}
+
 /// Inside a job array every task would do the whole work.
 void hint_at_array(const GenerateOptions& options) {
   if (options.shard_given || environment_variable("SLURM_ARRAY_TASK_COUNT").value_or("1") == "1") return;
@@ -32,7 +46,7 @@ void generate(GenerateOptions& options) {
   options.scenes.seed = options.common.seed;
   options.scenes.seed_given = options.common.seed_given;
   if (options.slurm_tasks > 0) {
-    open_recipe(options.scenes);  // its errors, before anything is submitted
+    open_scenes(options.scenes);
     return print_slurm_script(options);
   }
   options.set.device = options.common.apply();
@@ -49,7 +63,7 @@ void generate(GenerateOptions& options) {
                          {"the output", folder + "valid.h5"},
                          {"the output", folder + "test.h5"}},
                         options.scenes.set);
-  const auto scenes = open_recipe(options.scenes);
+  const auto scenes = open_scenes(options.scenes);
   options.common.write_json(make_data_set(*scenes, options.set));
 }
 

@@ -22,6 +22,11 @@ const std::string recipe_flags =
     "scenes/recipes/hgn.json --set frames=3 --set counts.train=3 --set counts.valid=1 --set counts.test=1 --device cpu "
     "--seed 5";
 
+Outcome with_another_seed(std::string flags) {
+  flags.replace(flags.find("--seed 5"), 8, "--seed 6");
+  return graupel("generate " + flags);
+}
+
 TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   const Folder folder;
   const std::string whole = folder.file("whole"), shards = folder.file("shards");
@@ -52,7 +57,9 @@ TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   ASSERT_EQ(graupel("generate " + recipe_flags + " -o " + whole).exit_code, 0);
   EXPECT_EQ(std::filesystem::last_write_time(whole + "/train.h5"), stamp);
   EXPECT_EQ(made_in(whole), time);
-  EXPECT_EQ(graupel("generate " + recipe_flags + " --seed 6 -o " + whole).exit_code, 2);
+  const Outcome seed = with_another_seed(recipe_flags + " -o " + whole);
+  EXPECT_EQ(seed.exit_code, 2);
+  EXPECT_TRUE(seed.says("another recipe or seed")) << seed.output;
   std::string card = read_file(whole + "/dataset.json");
   card.replace(card.find("\"cpu\""), 5, "\"cuda\"");
   write_file_atomically(whole + "/dataset.json", card);
@@ -82,6 +89,31 @@ TEST(Generate, DamagedPartsAreMadeAgain) {
   EXPECT_TRUE(again.says(part + "' is damaged and is made again")) << again.output;
   for (const char* name : {"train.h5", "valid.h5", "test.h5"})
     EXPECT_TRUE(read_file(whole + "/" + name) == read_file(set + "/" + name)) << name << " differs";
+}
+
+TEST(Generate, ACompleteSetStaysAsItIs) {
+  const Folder folder;
+  const std::string set = folder.file("set"), flags = recipe_flags + " --set counts.train=1 -o " + set;
+  ASSERT_EQ(graupel("generate " + flags).exit_code, 0);
+  const auto before = names_in(set);
+  const Outcome again = graupel("generate " + flags), other = with_another_seed(flags);
+  EXPECT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_EQ(other.exit_code, 2) << other.output;
+  EXPECT_TRUE(other.says("another recipe or seed")) << other.output;
+  EXPECT_EQ(names_in(set), before);  // no folder of parts, no lock
+}
+
+TEST(Generate, ARecipeWithoutScenesIsRefused) {
+  const Folder folder;
+  const std::string counts = " --set counts.train=0 --set counts.valid=0 --set counts.test=0";
+  for (const std::string more : {"", " --emit-slurm 2"}) {
+    const Outcome none = graupel("generate " + recipe_flags + counts + more + " -o " + folder.file("set"));
+    EXPECT_EQ(none.exit_code, 2) << none.output;
+    EXPECT_TRUE(none.says("scenes/recipes/hgn.json' has no scenes") && none.says("counts.train") &&
+                none.says("allowed: 1 or more") && none.says("--set counts.train=N"))
+        << none.output;
+    EXPECT_FALSE(std::filesystem::exists(folder.file("set")));
+  }
 }
 
 /// Groups of two materials at speed, by one thread and by two shards; another seed gives others.

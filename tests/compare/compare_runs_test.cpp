@@ -224,9 +224,10 @@ TEST_F(CompareRuns, AllScenesAndModelsThatDoNotGoTogetherAreToldBeforeTheWork) {
   EXPECT_FALSE(std::filesystem::exists(o.json));
   o.scenes = {write("fine", "", "")};
   o.set = {"domain.dx=0.02"};
-  EXPECT_THAT([&] { run_compare(o); }, ::testing::ThrowsMessage<ConfigError>(::testing::AllOf(
-                                           ::testing::StartsWith("scene 'fine'"), ::testing::HasSubstr("(scene 0.020000 m"),
-                                           ::testing::HasSubstr("0.031250 m). Set the scene's domain.dx to that"))));
+  EXPECT_THAT([&] { run_compare(o); },
+              ::testing::ThrowsMessage<ConfigError>(
+                  ::testing::AllOf(::testing::StartsWith("scene 'fine'"), ::testing::HasSubstr("(scene 0.020000 m"),
+                                   ::testing::HasSubstr("0.031250 m). Set the scene's domain.dx to that"))));
 }
 
 TEST_F(CompareRuns, RefusesWhatItCannotCompare) {
