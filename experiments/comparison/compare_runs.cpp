@@ -187,7 +187,19 @@ void print_table(const compare::Comparison& comparison) {
   }
 }
 
-/// Fills `comparison` scene by scene, so that the complete ones are there when a truth diverges.
+/// After which the scenes before it are worth keeping.
+bool is_of_a_scene(const Error& error) {
+  return error.code() == ExitCode::diverged || error.code() == ExitCode::usage || error.code() == ExitCode::bad_input;
+}
+
+/// The same kind of error with another text.
+[[noreturn]] void throw_again(const Error& error, const std::string& text) {
+  if (error.code() == ExitCode::diverged) throw DivergedError(text);
+  if (error.code() == ExitCode::bad_input) throw InputError(text);
+  throw ConfigError(text);
+}
+
+/// Fills `comparison` scene by scene, so that the complete ones are there when one cannot be run.
 void compare_scenes(const CompareOptions& options, compare::Comparison& comparison, FloorFile& measured) {
   set_num_threads(options.threads);
   const auto choices = parse_models(options.models);
@@ -208,7 +220,7 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
           "--training-runs is for baselines of reduced-order models, and --models names none. Leave it out");
     runs.emplace(options.training_runs);
   }
-  const auto models_of_task = fitting_models(tasks, models, options.other_scenes, runs ? &*runs : nullptr, device);
+  const auto models_of_task = fitting_models(tasks, models, options, runs ? &*runs : nullptr, device);
 
   comparison.command = options.command;
   comparison.version = version_text();
@@ -230,9 +242,11 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
       SceneComparison scene(options, task, device, budget, runs ? &*runs : nullptr);
       comparison.scenes.push_back(scene.run(models_of_task[t]));
       measured.add(task.scene.name, scene.floors());
-    } catch (const DivergedError& error) {
-      throw DivergedError(
-          fmt::format("the truth of scene '{}' ('{}') diverged: {}", task.scene.name, task.source, error.what()));
+    } catch (const Error& error) {
+      if (!is_of_a_scene(error)) throw;
+      const bool diverged = error.code() == ExitCode::diverged;
+      throw_again(error, fmt::format("{}scene '{}' ('{}'){}: {}", diverged ? "the truth of " : "", task.scene.name,
+                                     task.source, diverged ? " diverged" : "", error.what()));
     }
   }
 }
@@ -260,11 +274,11 @@ void run_compare(const CompareOptions& options) {
   FloorFile measured;
   try {
     compare_scenes(options, comparison, measured);
-  } catch (const DivergedError& error) {
-    if (comparison.scenes.empty()) throw;
+  } catch (const Error& error) {
+    if (comparison.scenes.empty() || !is_of_a_scene(error)) throw;
     write_results(comparison, options);
-    throw DivergedError(
-        fmt::format("{}. Tables and files hold the {} scenes before it", error.what(), comparison.scenes.size()));
+    throw_again(error, fmt::format("{}. Tables and files hold the {} scene{} before it", error.what(),
+                                   comparison.scenes.size(), comparison.scenes.size() == 1 ? "" : "s"));
   }
   write_results(comparison, options);
   if (!options.write_floors.empty()) measured.write(options.write_floors);

@@ -9,6 +9,7 @@
 #include "experiments/comparison/fairness.h"
 #include "mpm/memory_need.h"
 #include "mpm/scene/particle_materials.h"
+#include "mpm/simulation.h"
 
 namespace graupel::experiments {
 
@@ -20,6 +21,11 @@ void check_network(const graph::LearnedSimulator& network, const SceneTask& task
   network.check_scene(task.scene);
   if (task.stored && network.config().material_constants)
     mpm::network_materials(task.scene, *task.stored, task.stored->frames.front().position, "'" + task.source + "'");
+}
+
+/// The run that is the truth, or is timed beside it.
+void check_mpm(const SceneTask& task) {
+  const mpm::PreparedScene runs_here(task.scene, {.precision = mpm::Precision::f32, .seed = task.seed});
 }
 
 /// The frames of all models but one are let go.
@@ -48,13 +54,25 @@ bool runs_on(const ComparedModel& model, const SceneTask& task, OtherScenes othe
   return true;
 }
 
-[[noreturn]] void refuse(const std::vector<std::string>& misfits) {
-  std::string text = misfits.front();
-  if (misfits.size() > 1) {
-    text = fmt::format("{} pairs of scene and model do not go together:", misfits.size());
-    for (std::size_t i = 0; i < std::min(misfits.size(), most_misfits); ++i) text += "\n  " + misfits[i];
-    if (misfits.size() > most_misfits) text += fmt::format("\n  and {} more", misfits.size() - most_misfits);
+/// Runs a check. Whether it failed by a mistake of the user's, which is then among `misfits`.
+template <typename Check>
+bool fails(const std::string& where, std::vector<std::string>& misfits, const Check& check) {
+  try {
+    check();
+    return false;
+  } catch (const ConfigError& error) {
+    misfits.push_back(where + error.what());
+  } catch (const InputError& error) {
+    misfits.push_back(where + error.what());
   }
+  return true;
+}
+
+[[noreturn]] void refuse(const std::vector<std::string>& misfits) {
+  if (misfits.size() == 1) throw ConfigError(misfits.front());
+  std::string text = fmt::format("{} scenes, or pairs of scene and model, cannot be run:", misfits.size());
+  for (std::size_t i = 0; i < std::min(misfits.size(), most_misfits); ++i) text += "\n  " + misfits[i];
+  if (misfits.size() > most_misfits) text += fmt::format("\n  and {} more", misfits.size() - most_misfits);
   throw ConfigError(text);
 }
 
@@ -62,20 +80,25 @@ bool runs_on(const ComparedModel& model, const SceneTask& task, OtherScenes othe
 
 std::vector<std::vector<ComparedModel>> fitting_models(const std::vector<SceneTask>& tasks,
                                                        const std::vector<ComparedModel>& models,
-                                                       OtherScenes other_scenes, const TrainingRuns* training_runs,
+                                                       const CompareOptions& options, const TrainingRuns* training_runs,
                                                        Device device) {
   std::vector<std::vector<ComparedModel>> fitting(tasks.size());
   std::vector<std::string> misfits;
   for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const SceneTask& task = tasks[t];
+    const std::string scene = fmt::format("scene '{}' ('{}')", task.scene.name, task.source);
+    const bool runs_mpm = !options.one_step_only || !task.stored;
+    if (runs_mpm && fails(scene + ": ", misfits, [&] { check_mpm(task); })) continue;
     std::set<std::string> told;  // parts of one network, and a model without its pull, fail alike
-    for (const ComparedModel& model : models) try {
-        if (runs_on(model, tasks[t], other_scenes, training_runs, device)) fitting[t].push_back(model);
-      } catch (const Error& error) {
-        if (error.code() != ExitCode::usage && error.code() != ExitCode::bad_input) throw;
-        if (!model.choice.weights.empty() && !told.insert(model.choice.weights).second) continue;
-        misfits.push_back(fmt::format("scene '{}' ('{}') and model '{}': {}", tasks[t].scene.name, tasks[t].source,
-                                      model.choice.name, error.what()));
-      }
+    for (const ComparedModel& model : models) {
+      const std::string& weights = model.choice.weights;
+      if (told.contains(weights)) continue;
+      const auto check = [&] {
+        if (runs_on(model, task, options.other_scenes, training_runs, device)) fitting[t].push_back(model);
+      };
+      if (fails(fmt::format("{} and model '{}': ", scene, model.choice.name), misfits, check) && !weights.empty())
+        told.insert(weights);
+    }
   }
   if (!misfits.empty()) refuse(misfits);
   return fitting;

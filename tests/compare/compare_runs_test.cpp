@@ -210,14 +210,15 @@ TEST_F(CompareRuns, AllScenesAndModelsThatDoNotGoTogetherAreToldBeforeTheWork) {
   const char* endless = R"("time_step": { "policy": "fixed", "substeps_per_frame": 1 }, )";
   CompareOptions o = options({"mpm", ballistic_network(), folder_ + "/ballistic.safetensors:no-corrections"});
   o.scenes = {write("stiff", endless, ""), write("slow", R"("frame_time": 0.02, )", ""),
-              write("flat", R"("frame_time": 0.03, )", "")};
+              write("flat", R"("frame_time": 0.03, )", ""), write("far", "", R"("origin": [5, 0, 0], )")};
   o.pictures = folder_ + "/new/pictures";
   o.json = folder_ + "/out.json";
   EXPECT_THAT([&] { run_compare(o); },
               ::testing::ThrowsMessage<ConfigError>(::testing::AllOf(
-                  ::testing::HasSubstr("2 pairs of scene and model do not go together"),
+                  ::testing::HasSubstr("3 scenes, or pairs of scene and model, cannot be run"),
                   ::testing::HasSubstr("scene 'slow' ('" + o.scenes[1] + "') and model '" + o.models[1] + "'"),
                   ::testing::HasSubstr("another frame time (scene 0.020000 s"), ::testing::HasSubstr("scene 'flat'"),
+                  ::testing::HasSubstr("scene 'far' ('" + o.scenes[3] + "'): obstacle 0"),
                   ::testing::HasSubstr("0.016667 s). Set the scene's frame_time to that"),
                   ::testing::Not(::testing::HasSubstr("'stiff'")))));
   EXPECT_FALSE(std::filesystem::exists(folder_ + "/new"));

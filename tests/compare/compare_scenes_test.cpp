@@ -102,6 +102,29 @@ TEST_F(CompareRuns, AStoredTrajectoryIsTheTruth) {
   EXPECT_THROW(make_comparison(o), ConfigError);
 }
 
+TEST_F(CompareRuns, ATruthOfOtherParticlesIsNamedAndTheScenesBeforeItAreWritten) {
+  const Scene scene = io::read_scene(scene_);
+  Trajectory truth = run_mpm(scene, seeded(2)).run.trajectory;
+  truth.scene_json = scene.source;
+  truth.particle_type.back() = particle_type_of(MaterialModel::snow);
+  for (ParticleFrame& frame : truth.frames) frame.velocity.resize(truth.particle_count());
+  CompareOptions o = options({"mpm"});
+  o.scenes.push_back(folder_ + "/truth.h5");
+  o.frames = 2;
+  o.floors = false;
+  o.json = folder_ + "/out.json";
+  io::TrajectoryWriter writer(o.scenes[1], truth);
+  for (const ParticleFrame& frame : truth.frames) writer.append(frame);
+  writer.finish();
+  ::testing::internal::CaptureStdout();
+  EXPECT_THAT([&] { run_compare(o); },
+              ::testing::ThrowsMessage<InputError>(::testing::AllOf(
+                  ::testing::StartsWith("scene 'truth#0' ('" + o.scenes[1] + "'): "), ::testing::HasSubstr("type snow"),
+                  ::testing::HasSubstr("hold the 1 scene before"))));
+  ::testing::internal::GetCapturedStdout();
+  EXPECT_EQ(nlohmann::json::parse(read_file(o.json))["results"].size(), 1u);
+}
+
 TEST_F(CompareRuns, RunsScenesOfAllKinds) {
   std::string moving = scene_with("moving", "");
   moving.replace(moving.find("\"radius\""), 0, R"("motion": { "velocity": [0.5, 0, 0] }, )");
