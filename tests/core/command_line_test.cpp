@@ -80,12 +80,12 @@ TEST(CommandLine, AnEmptyNameOfAFileIsNotTheDefault) {
   program.option("-o,--output", output, "A file").names_file({".h5"}).show_default();
   program.option("--folder", folder, "A folder").names_folder();
   program.option("files", files, "Files").names_file().names_folder();
-  for (const std::vector<const char*>& words :
-       {std::vector<const char*>{"-o", ""}, {"--output="}, {"--folder", ""}, {"a", ""}}) {
+  for (const std::vector<const char*>& words : {std::vector<const char*>{"-o", ""}, {"--folder", ""}, {"a", ""}}) {
     const Answer refused = answer(program, words);
     EXPECT_EQ(refused.code, 2) << words.front();
     EXPECT_NE(refused.said.find("is empty (allowed: the name of a file or folder)"), std::string::npos) << refused.said;
   }
+  EXPECT_EQ(answer(program, {"--output="}).code, 2);  // a value is missing, says CLI11
   EXPECT_EQ(answer(program, {"-o", "a.h5", "b"}).code, 0);
 }
 
