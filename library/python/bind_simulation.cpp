@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "library/io.h"
+#include "library/python/contact_forces.h"
 #include "library/python/files.h"
 #include "library/python/gpu_array.h"
 
@@ -15,13 +16,11 @@ namespace graupel::python {
 
 namespace {
 
-/// [names, 3].
-nb::ndarray<nb::numpy, const double> vectors_of(const std::vector<ContactForce>& forces, Vec3d ContactForce::*member) {
-  std::vector<double> values;
-  for (const ContactForce& one : forces)
-    for (int d = 0; d < 3; ++d) values.push_back((one.*member)[d]);
-  return array_of(std::move(values), {forces.size(), 3});
-}
+/// A copy of a run's state, and what the matter did to obstacles and walls up to then.
+struct Recorded {
+  ParticleFrame frame;
+  ContactSums contacts;
+};
 
 class PySimulation {
  public:
@@ -36,14 +35,17 @@ class PySimulation {
     on_gpu_ = settings.device == Device::cuda;
     const WithoutGil others_run;
     run_ = std::make_unique<Simulation>(scene, settings);
+    if (forces) contact_names_ = graupel::contact_names(run_->scene());
+    whole_frames_ = ContactSums(run_->contact_forces(), run_->time());
   }
 
   bool step() {
     const InUse in_use(busy_);
     const WithoutGil others_run;
     in_frame_ = true;
-    in_frame_ = !run_->advance_substep();
-    return !in_frame_;
+    if (!run_->advance_substep()) return false;
+    end_frame();
+    return true;
   }
   void advance_frame() {
     const InUse in_use(busy_);
@@ -112,13 +114,7 @@ class PySimulation {
     const std::vector<ContactForce> forces = run_->contact_forces();
     if (forces.empty())
       throw ConfigError("the run keeps no count of forces. Make it with Simulation(scene, forces=True)");
-    nb::dict found;
-    found["names"] = contact_names(run_->scene());
-    found["impulse"] = vectors_of(forces, &ContactForce::impulse);
-    found["force"] = vectors_of(forces, &ContactForce::force);
-    found["torque"] = vectors_of(forces, &ContactForce::torque);
-    found["reference"] = vectors_of(forces, &ContactForce::reference);
-    return found;
+    return contact_dict(contact_names_, forces);
   }
   nb::bytes save_state() {
     const InUse in_use(busy_);
@@ -135,6 +131,7 @@ class PySimulation {
     std::memcpy(bytes.data(), state.c_str(), state.size());
     run_->load_state(bytes);
     in_frame_ = false;
+    whole_frames_ = ContactSums(run_->contact_forces(), run_->time());
   }
   double time() const { return run_->time(); }
   int64_t substeps() const { return run_->substeps(); }
@@ -142,11 +139,14 @@ class PySimulation {
   PyScene scene() const { return {run_->scene(), file_}; }
   /// What the run was made of.
   const std::vector<NamedFile>& inputs() const { return inputs_; }
-  /// A copy of the state now.
-  ParticleFrame frame(FieldSet wanted) {
+  /// contact_names() of a run with forces=True; else empty.
+  const std::vector<std::string>& contact_names() const { return contact_names_; }
+  Recorded record(FieldSet wanted) {
     const InUse in_use(busy_);
     const WithoutGil others_run;
-    return run_->frame(wanted);
+    Recorded now = {run_->frame(wanted), whole_frames_};
+    if (in_frame_) now.contacts.add(run_->contact_forces(), run_->time(), false);
+    return now;
   }
   Trajectory header() {
     const InUse in_use(busy_);
@@ -157,8 +157,12 @@ class PySimulation {
   void advance() {
     in_frame_ = true;
     while (!run_->advance_substep()) poll_();
-    in_frame_ = false;
+    end_frame();
     poll_();
+  }
+  void end_frame() {
+    in_frame_ = false;
+    whole_frames_.add(run_->contact_forces(), run_->time(), true);
   }
 
   std::unique_ptr<Simulation> run_;
@@ -166,6 +170,8 @@ class PySimulation {
   std::string file_;  ///< of the scene
   bool on_gpu_ = false;
   bool in_frame_ = false;  ///< step() has begun a frame
+  std::vector<std::string> contact_names_;
+  ContactSums whole_frames_ = {{}, 0};
   SignalPoll poll_;
   std::atomic<bool> busy_ = false;
 };
@@ -179,6 +185,7 @@ class PyWriter {
     options.velocity = velocity;
     options.fields = fields_;
     options.active = simulation.scene().has_inactive_particles();
+    options.contacts = contact_names_ = simulation.contact_names();
     const std::string file = path_of(path);
     check_output(file, simulation.inputs());
     particle_count_ = simulation.particle_count();
@@ -191,9 +198,15 @@ class PyWriter {
       throw ConfigError("a run of " + std::to_string(simulation.particle_count()) +
                         " particles does not go into this file (allowed: " + std::to_string(particle_count_) +
                         ", as of the run that its writer was made for). Make a writer of its own");
-    const ParticleFrame frame = simulation.frame(fields_);
+    if (!contact_names_.empty() && simulation.contact_names() != contact_names_)
+      throw ConfigError(
+          "the run keeps no count of the forces on the obstacles and walls that this file has. Make it with "
+          "Simulation(scene, forces=True), of the scene that the writer was made for");
+    const Recorded now = simulation.record(fields_);
     const WithoutGil others_run;
-    writer.append(frame);
+    writer.append(now.frame);
+    if (!contact_names_.empty()) writer.append_forces(now.contacts.since(before_.value_or(now.contacts)));
+    before_ = now.contacts;
   }
   void finish(int64_t diverged_at_frame) {
     const InUse in_use(busy_);
@@ -218,6 +231,8 @@ class PyWriter {
     return *writer_;
   }
   FieldSet fields_;
+  std::vector<std::string> contact_names_;  ///< of the forces in the file
+  std::optional<ContactSums> before_;       ///< at the frame before
   std::size_t particle_count_ = 0;
   std::unique_ptr<io::TrajectoryWriter> writer_;
   std::atomic<bool> busy_ = false;
@@ -268,7 +283,8 @@ void bind_simulation(nb::module_& module) {
           "contact_forces", &PySimulation::contact_forces, nb::sig("def contact_forces(self) -> dict"),
           "What the matter did to each obstacle and wall in the frame before, with Simulation(scene, forces=True):\n"
           "'names' [k], and f64 [k, 3] 'impulse' N s, 'force' N and 'torque' N m (means of the frame), 'reference' m,\n"
-          "the point that the torque is about. Raises ConfigError without forces=True.")
+          "the point that the torque is about. Inside of a frame, after step(), of the part of it that is done; zeros\n"
+          "before the first and after load_state(). Raises ConfigError without forces=True.")
       .def("save_state", &PySimulation::save_state,
            "The whole state between two frames as bytes; a run that loads it goes on exactly.")
       .def("load_state", &PySimulation::load_state, "state"_a,
@@ -294,10 +310,13 @@ void bind_simulation(nb::module_& module) {
            "fields"_a = "", "velocities"_a = true,
            nb::sig("def __init__(self, path: str | os.PathLike, simulation: Simulation, fields: str = '', velocities: "
                    "bool = True) -> None"),
-           "fields: names of Simulation.field(), comma-separated. Raises IoError, also for a folder or a\n"
-           "device, and ConfigError for a file that the scene was read from.")
-      .def("append", &PyWriter::append, "simulation"_a,
-           "Adds the state now as a frame. Raises IoError, and ConfigError for a run with another number of particles.")
+           "fields: names of Simulation.field(), comma-separated. Of a Simulation(scene, forces=True) the forces\n"
+           "are stored too: Trajectory.forces. Raises IoError, also for a folder or a device, and ConfigError for a\n"
+           "file that the scene was read from.")
+      .def(
+          "append", &PyWriter::append, "simulation"_a,
+          "Adds the state now as a frame. Raises IoError, and ConfigError for a run with another number of particles,\n"
+          "or without the forces that the file has.")
       .def("finish", &PyWriter::finish, "diverged_at_frame"_a = -1, "Completes the file and gives it its name.")
       .def(
           "__enter__", [](PyWriter& writer) -> PyWriter& { return writer; }, nb::rv_policy::reference)

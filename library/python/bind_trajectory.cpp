@@ -7,7 +7,8 @@
 #include <filesystem>
 #include <mutex>
 
-#include "library/python/trajectory_frames.h"
+#include "library/python/contact_forces.h"
+#include "library/python/frame_arrays.h"
 #include "mpm/scene/particle_materials.h"
 
 namespace graupel::python {
@@ -51,6 +52,7 @@ class FileFrames final : public TrajectoryFrames {
     return file_->reader.contact_names(index_);
   }
   std::vector<std::vector<ContactForce>> contact_forces() const override {
+    const WithoutGil others_run;
     const std::lock_guard lock(file_->mutex);
     return file_->reader.contact_forces(index_);
   }
@@ -93,82 +95,6 @@ PyTrajectory trajectory_of(const std::shared_ptr<OpenFile>& file, int64_t index)
           {},
           {{"the trajectory", std::filesystem::absolute(file->path).string()}}};
 }
-
-/// Raises TypeError for what is no whole number, IndexError for a frame that is not there.
-int64_t place_of(nb::handle number, int64_t size) {
-  if (PyIndex_Check(number.ptr()) == 0)
-    throw nb::type_error(("frames are indexed by a '" + std::string(nb::type_name(number.type()).c_str()) +
-                          "' (allowed: int, slice). Index the array of a frame for the rest: x[frame][..]")
-                             .c_str());
-  const int64_t index = PyNumber_AsSsize_t(number.ptr(), PyExc_IndexError);
-  if (index == -1 && PyErr_Occurred() != nullptr) throw nb::python_error();
-  const int64_t place = index < 0 ? index + size : index;
-  if (place < 0 || place >= size)
-    throw nb::index_error(("frame " + std::to_string(index) + " of " + std::to_string(size)).c_str());
-  return place;
-}
-
-/// A frame with arrays over its own memory.
-struct PyFrame {
-  std::shared_ptr<const ParticleFrame> frame;
-};
-
-/// One quantity of all frames: [frames, particles, ..], read when it is indexed.
-struct FrameArrays {
-  PyTrajectory trajectory;
-  Quantity quantity;
-  ParticleField wanted = ParticleField::stress;
-
-  nb::object of_frame(const std::shared_ptr<const ParticleFrame>& frame) const {
-    switch (quantity) {
-      case Quantity::position:
-        return nb::cast(rows_of(frame->position, frame));
-      case Quantity::velocity:
-        if (frame->velocity.empty() && !frame->position.empty())
-          throw InputError("the trajectory stores no velocities. Take differences of positions, or write it with them");
-        return nb::cast(rows_of(frame->velocity, frame));
-      case Quantity::active:
-        if (frame->active.empty()) {
-          const std::size_t n = frame->position.size();
-          return nb::cast(array_of(std::vector<uint8_t>(n, 1), {n}));
-        }
-        return nb::cast(array_of(frame->active, {frame->active.size()}, frame));
-      case Quantity::field:
-        break;
-    }
-    return nb::cast(field_array(wanted, frame->fields[wanted], frame));
-  }
-  std::vector<std::shared_ptr<const ParticleFrame>> read(int64_t first, int64_t count) const {
-    return trajectory.frames->frames(first, count, quantity == Quantity::field ? FieldSet{wanted} : FieldSet{});
-  }
-  nb::object get(const nb::object& index) const {
-    if (!nb::isinstance<nb::slice>(index)) return of_frame(read(place_of(index, trajectory.size()), 1).front());
-    const auto [start, stop, step, length] =
-        nb::cast<nb::slice>(index).compute(static_cast<std::size_t>(trajectory.size()));
-    nb::list rows;
-    const auto count = static_cast<int64_t>(length), stride = static_cast<int64_t>(step);
-    if (stride == 1 && count > 0) {
-      for (const auto& frame : read(static_cast<int64_t>(start), count)) rows.append(of_frame(frame));
-    } else {
-      for (int64_t i = 0; i < count; ++i)
-        rows.append(of_frame(read(static_cast<int64_t>(start) + i * stride, 1).front()));
-    }
-    const nb::module_ numpy = nb::module_::import_("numpy");
-    if (count > 0) return numpy.attr("stack")(rows);
-    return trajectory.size() > 0
-               ? numpy.attr("stack")(nb::make_tuple(get(nb::int_(0))))
-                     .attr("__getitem__")(nb::slice(nb::int_(0), nb::int_(0), nb::none()))
-               : numpy.attr("zeros")(nb::make_tuple(0, trajectory.header.particle_count(), 3), "float32");
-  }
-  nb::tuple shape() const {
-    const int64_t n = static_cast<int64_t>(trajectory.header.particle_count()), frames = trajectory.size();
-    if (quantity == Quantity::active) return nb::make_tuple(frames, n);
-    const int components = quantity == Quantity::field ? info_of(wanted).components : 3;
-    if (components == 1) return nb::make_tuple(frames, n);
-    if (components == 9) return nb::make_tuple(frames, n, 3, 3);
-    return nb::make_tuple(frames, n, components);
-  }
-};
 
 void write(const PyTrajectory& trajectory, const nb::object& path, bool velocities) {
   const std::string file = path_of(path);
@@ -218,40 +144,6 @@ nb::ndarray<nb::numpy, const int32_t> materials_of(const PyTrajectory& trajector
   return array_of(std::move(materials), {count});
 }
 
-void bind_arrays(nb::module_& module) {
-  using namespace nb::literals;
-  nb::class_<FrameArrays>(module, "FrameArrays",
-                          "A quantity of all frames, read when it is indexed: [frames, particles, ..].\n\n"
-                          "x[i] is frame i, read-only, without a copy of what was read; x[i:j] stacks frames into an\n"
-                          "array of their own; numpy.asarray(x) reads all.")
-      .def("__len__", [](const FrameArrays& arrays) { return arrays.trajectory.size(); })
-      .def("__getitem__", &FrameArrays::get, "index"_a,
-           nb::sig("def __getitem__(self, index: int | slice) -> numpy.ndarray"))
-      .def(
-          "__array__",
-          [](const FrameArrays& arrays, const nb::object& dtype, const nb::object&) {
-            const nb::object all = arrays.get(nb::slice(nb::none(), nb::none(), nb::none()));
-            return dtype.is_none() ? all : nb::object(all.attr("astype")(dtype));
-          },
-          "dtype"_a = nb::none(), "copy"_a = nb::none())
-      .def_prop_ro("shape", &FrameArrays::shape);
-  nb::class_<PyFrame>(module, "Frame", "All particles at one time; arrays are read-only and stay valid.")
-      .def_prop_ro(
-          "time", [](const PyFrame& f) { return f.frame->time; }, "[s].")
-      .def_prop_ro(
-          "positions", [](const PyFrame& f) { return rows_of(f.frame->position, f.frame); }, "f32 [n, 3], m.",
-          nb::rv_policy::automatic)
-      .def_prop_ro(
-          "velocities", [](const PyFrame& f) { return rows_of(f.frame->velocity, f.frame); },
-          "f32 [n, 3], m/s; [0, 3] where none are stored.", nb::rv_policy::automatic)
-      .def_prop_ro(
-          "active",
-          [](const PyFrame& f) {
-            return FrameArrays{{}, Quantity::active}.of_frame(f.frame);
-          },
-          "u8 [n]: 0 for particles that are not in the run.", nb::rv_policy::automatic);
-}
-
 }  // namespace
 
 PyTrajectory in_memory(Trajectory trajectory) {
@@ -264,10 +156,10 @@ PyTrajectory in_memory(Trajectory trajectory) {
 
 void bind_trajectory(nb::module_& module) {
   using namespace nb::literals;
-  bind_arrays(module);
+  bind_frame_arrays(module);
   nb::class_<PyTrajectory>(module, "Trajectory",
                            "Frames of a run: a file's, read when they are asked for, or a rollout's in memory.\n\n"
-                           "len(t) frames, t[i] and iteration give a Frame each.")
+                           "len(t) frames; t[i] and iteration give a Frame each, t[i:j] a list of them.")
       .def(
           "__init__",
           [](PyTrajectory* place, const nb::object& path, int64_t index) {
@@ -278,9 +170,14 @@ void bind_trajectory(nb::module_& module) {
       .def("__len__", &PyTrajectory::size)
       .def(
           "__getitem__",
-          [](const PyTrajectory& t, const nb::object& index) {
-            return PyFrame{t.frames->frames(place_of(index, t.size()), 1, {}).front()};
+          [](const PyTrajectory& t, const nb::slice& slice) {
+            nb::list frames;
+            for (const auto& frame : frames_in(t, slice)) frames.append(PyFrame{frame});
+            return frames;
           },
+          "index"_a, nb::sig("def __getitem__(self, index: slice) -> list[Frame]"))
+      .def(
+          "__getitem__", [](const PyTrajectory& t, const nb::object& index) { return PyFrame{frame_at(t, index)}; },
           "index"_a, nb::sig("def __getitem__(self, index: int) -> Frame"))
       .def_prop_ro(
           "positions",
@@ -310,6 +207,16 @@ void bind_trajectory(nb::module_& module) {
                              "'). Write it with fields='" + name + "'");
           },
           "name"_a, "A stored field of all frames, shapes as Simulation.field().")
+      .def_prop_ro(
+          "forces",
+          [](const PyTrajectory& t) -> nb::object {
+            const std::vector<std::string> names = t.frames->contact_names();
+            return names.empty() ? nb::none() : nb::object(contact_dict(names, t.frames->contact_forces()));
+          },
+          nb::sig("def forces(self) -> dict | None"),
+          "What the matter did to each obstacle and wall from the frame before to each frame, nothing in the first:\n"
+          "'names' [k], and f64 [frames, k, 3] 'impulse' N s, 'force' N and 'torque' N m (means of that time),\n"
+          "'reference' m, the point that the torque is about. None where none are stored: run with forces=True.")
       .def_prop_ro(
           "times",
           [](const PyTrajectory& t) {

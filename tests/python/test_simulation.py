@@ -55,23 +55,6 @@ class ArraysTest(unittest.TestCase):
         self.assertTrue(np.isfinite(later).all())
 
 
-class ForcesTest(unittest.TestCase):
-    def test_they_are_arrays_by_obstacle_and_wall(self):
-        run = graupel.Simulation(block(), forces=True)
-        run.advance_frame()
-        forces = run.contact_forces()
-        self.assertEqual(forces["names"][-6:], ["wall_x_low", "wall_x_high", "wall_y_low", "wall_y_high",
-                                                "wall_z_low", "wall_z_high"])
-        for name in ("impulse", "force", "torque", "reference"):
-            self.assertEqual(forces[name].shape, (len(forces["names"]), 3))
-            self.assertEqual(forces[name].dtype, np.float64)
-        np.testing.assert_allclose(forces["impulse"], forces["force"] * run.time, atol=1e-15)
-
-    def test_a_run_without_them_says_how(self):
-        with self.assertRaisesRegex(graupel.ConfigError, "forces=True"):
-            graupel.Simulation(block()).contact_forces()
-
-
 class RunTest(unittest.TestCase):
     def test_free_fall(self):
         run = graupel.Simulation(block(), precision="f64")

@@ -55,6 +55,25 @@ class TrajectoryTest(unittest.TestCase):
         with self.assertRaises(IndexError):
             graupel.Trajectory(self.file, 1)
 
+    def test_slices_of_a_trajectory_are_lists_of_frames(self):
+        trajectory = graupel.Trajectory(self.file)
+        times = list(trajectory.times)
+        for part in (slice(1, 3), slice(None), slice(None, None, -2), slice(-1, None), slice(3, 1), slice(9, 2**70)):
+            self.assertEqual([frame.time for frame in trajectory[part]], times[part])
+        np.testing.assert_array_equal(trajectory[1:3][1].positions, trajectory.positions[2])
+        with self.assertRaises(ValueError):
+            trajectory[::0]
+
+    def test_arrays_of_all_frames_are_copies(self):
+        x = graupel.Trajectory(self.file).positions
+        if int(np.__version__.split(".")[0]) >= 2:
+            with self.assertRaisesRegex(ValueError, "without a copy"):
+                np.array(x, copy=False)
+        with self.assertRaisesRegex(ValueError, "without a copy"):
+            x.__array__(copy=False)
+        self.assertEqual(np.asarray(x, dtype=np.float64).dtype, np.float64)
+        np.testing.assert_array_equal(np.array(x, copy=True), np.asarray(x))
+
     def test_arrays_outlive_the_file(self):
         frame = graupel.Trajectory(self.file).positions[2]
         np.testing.assert_array_equal(frame, graupel.Trajectory(self.file)[2].positions)

@@ -43,18 +43,18 @@ def rollout(weights, scene: Scene, frames: int | None = None, **options) -> Traj
 
 
 def simulate(scene: Scene, path, frames: int | None = None, *, device: str = "cpu", precision: str = "f32",
-             seed: int | None = None, fields: str = "", progress=None) -> Trajectory:
+             seed: int | None = None, fields: str = "", forces: bool = False, progress=None) -> Trajectory:
     """Runs a scene with the solver into an HDF5 file and opens it.
 
-    `fields`: of Simulation.field(), comma-separated, stored with every frame; progress(frame) after each frame. A run
-    that blows up ends with DivergedError and leaves the frames before in the file. The file takes the place of nothing
-    that the scene was read from (ConfigError).
+    `fields`: of Simulation.field(), comma-separated, stored with every frame; `forces`: store those on obstacles and
+    walls (Trajectory.forces); progress(frame) after each frame. A run that blows up ends with DivergedError and leaves
+    the frames before in the file. The file takes the place of nothing that the scene was read from (ConfigError).
     """
     path = output_path("path", path)
     count = scene.frames if frames is None else frames
     if count < 0:
         raise ConfigError(f"frames must not be negative ({count}). Use 0 or more")
-    run = Simulation(scene, device, precision, seed)
+    run = Simulation(scene, device, precision, seed, forces)
     writer = TrajectoryWriter(path, run, fields)
     writer.append(run)
     for frame in range(1, count + 1):
