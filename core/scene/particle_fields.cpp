@@ -39,6 +39,11 @@ ParticleField field_named(const std::string& name) {
                                    : "Did you mean '" + close + "'?"));
 }
 
+std::string without_spaces_around(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(" \t");
+  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t") - first + 1);
+}
+
 }  // namespace
 
 const ParticleFieldInfo& info_of(ParticleField field) { return table[static_cast<std::size_t>(field)]; }
@@ -47,7 +52,7 @@ FieldSet FieldSet::parse(const std::string& names) {
   FieldSet set;
   if (names.empty()) return set;
   std::istringstream stream(names + ",");
-  for (std::string name; std::getline(stream, name, ',');) set.add(field_named(name));
+  for (std::string name; std::getline(stream, name, ',');) set.add(field_named(without_spaces_around(name)));
   return set;
 }
 

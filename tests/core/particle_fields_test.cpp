@@ -15,6 +15,7 @@ TEST(FieldSet, IsReadFromNamesInAnyOrder) {
   EXPECT_EQ(set.names(), "stress,plastic");
   EXPECT_EQ(set.components(), 7);
   EXPECT_EQ(FieldSet::parse(set.names()), set);
+  EXPECT_EQ(FieldSet::parse(" stress, plastic\t").names(), "stress,plastic");
   EXPECT_TRUE(FieldSet::parse("").empty());
   EXPECT_EQ(FieldSet{}.names(), "");
 }
@@ -33,6 +34,7 @@ TEST(FieldSet, UnknownNamesAreErrorsWithTheClosestOne) {
       "there is no field 'afine' (allowed: stress, affine, deformation_gradient, plastic). Did you mean 'affine'?");
   EXPECT_NE(text_of("temperature").find("Name one or several of these"), std::string::npos);
   EXPECT_NE(text_of("stress,,plastic").find("no field ''"), std::string::npos);
+  EXPECT_NE(text_of("stress, ").find("no field ''"), std::string::npos);
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 """Arguments that are not possible: which error, and what it names."""
+import json
 import math
 import os
 import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 
@@ -48,6 +50,19 @@ class ArraysTest(unittest.TestCase):
             scene.with_particles(x, materials=[0, 0.5])
         scene.with_particles(x, materials=[0.0, 0.0])
 
+    def test_masked_elements_are_refused(self):
+        scene, x = block(), np.full((3, 3), 0.2)
+        graupel.Simulation(scene.with_particles(np.ma.masked_array(x, mask=np.zeros((3, 3)))))
+        masked = np.ma.masked_array(x, mask=[[0, 0, 0], [0, 0, 1], [1, 1, 1]])
+        for wrong in (masked, list(masked), np.ma.masked_array(x, mask=[[0, 0, 0], [0, 0, 1], [0, 0, 0]])):
+            with self.assertRaisesRegex(graupel.ConfigError, r"positions\[1\]\[2\] is masked .*fill"):
+                scene.with_particles(wrong)
+        with self.assertRaisesRegex(graupel.ConfigError, r"materials\[2\] is masked"):
+            scene.with_particles(x, materials=np.ma.masked_array(["matter"] * 3, mask=[0, 0, 1]))
+        odd = np.ma.masked_array(np.zeros(3, [("x", "f4")]), mask=[(1,), (0,), (0,)])
+        with self.assertRaisesRegex(graupel.ConfigError, "volumes is no array of real numbers"):
+            scene.with_particles(x, volumes=odd)
+
     def test_meshes_have_whole_corners_and_finite_numbers(self):
         scene, corners = block(), [[0, 0, 0], [0.1, 0, 0], [0, 0, 0.1], [0, 0.1, 0]]
         triangles = np.array([[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]], float)
@@ -90,6 +105,31 @@ class SettingsTest(unittest.TestCase):
             with self.assertRaisesRegex(graupel.ConfigError, "frames.*-3"):
                 graupel.simulate(block(), os.path.join(folder, "a.h5"), -3)
             self.assertEqual(os.listdir(folder), [])
+
+    def test_runs_take_scenes_dicts_and_files(self):
+        keys = block().to_dict()
+        with tempfile.TemporaryDirectory() as folder:
+            scene, out = Path(folder) / "scene.json", os.path.join(folder, "a.h5")
+            scene.write_text(json.dumps(keys), encoding="utf-8")
+            expected = np.asarray(graupel.simulate(block(), out, 1).positions)
+            for same in (keys, scene, str(scene), os.fsencode(scene)):
+                np.testing.assert_array_equal(graupel.simulate(same, out, 1).positions, expected)
+            with self.assertRaises(graupel.ConfigError):  # a scene's file is kept here too
+                graupel.simulate(scene, scene, 1)
+            with self.assertRaisesRegex(graupel.InputError, "no_such.json"):
+                graupel.simulate("no_such.json", out)
+            for wrong in (None, 3, [keys]):
+                with self.assertRaisesRegex(TypeError, "allowed: a path, a dict, a Scene"):
+                    graupel.simulate(wrong, out)
+                with self.assertRaisesRegex(TypeError, "allowed: a path, a dict, a Scene"):
+                    graupel.rollout(graupel.model_path("hgn"), wrong)
+        water = graupel.scene_path("shared/water_steps")
+        self.assertEqual(len(graupel.rollout(graupel.model_path("hgn"), water, 1)), 2)
+
+    def test_names_of_fields_may_have_spaces_around(self):
+        with tempfile.TemporaryDirectory() as folder:
+            made = graupel.simulate(block(), os.path.join(folder, "a.h5"), 0, fields=" stress, plastic")
+            self.assertEqual(made.field("plastic").shape, made.field("stress").shape[:2])
 
     def test_reduced_models_know_two_precisions(self):
         model = graupel.ReducedModel(graupel.model_path("nsf-jelly"))

@@ -7,12 +7,26 @@ from collections.abc import Mapping
 from ._errors import ConfigError
 
 
+def check_nothing_masked(name, values):
+    """Raises ConfigError for a masked array, or a list of such, in which an element is masked."""
+    import numpy
+    parts = [([i], part) for i, part in enumerate(values)] if isinstance(values, (list, tuple)) else [([], values)]
+    for place, part in parts:
+        mask = numpy.ma.getmask(part)
+        if mask is numpy.ma.nomask or mask.dtype.names or not mask.any():
+            continue
+        first = place + numpy.argwhere(mask)[0].tolist()
+        raise ConfigError(f"{name}{''.join(f'[{i}]' for i in first)} is masked (allowed: no masked elements). Leave it "
+                          "out, or fill() the array")
+
+
 def real_array(name, values, kind):
     """`values` as a NumPy array of `kind` ('float32', 'float64', 'int64') in C order; no copy where it is one.
 
-    Raises ConfigError for anything but real numbers and, of an 'int64', for fractions.
+    Raises ConfigError for anything but real numbers, for masked ones and, of an 'int64', for fractions.
     """
     import numpy
+    check_nothing_masked(name, values)
     try:
         array = numpy.asarray(values)
         if array.dtype.kind not in "biufO":

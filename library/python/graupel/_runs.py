@@ -33,24 +33,38 @@ def load_model(weights):
     return NetworkModel(weights) if architecture in ("hgn", "gns") else ReducedModel(weights)
 
 
-def rollout(weights, scene: Scene, frames: int | None = None, **options) -> Trajectory:
+def _checked(scene) -> Scene:
+    """The Scene of a path or of a dict, whose files are relative to the working directory; a Scene as it is."""
+    if isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, dict):
+        return Scene.from_dict(scene)
+    if isinstance(scene, (str, bytes, os.PathLike)):
+        return Scene.from_file(scene)
+    raise TypeError(f"scene is a '{type(scene).__name__}' (allowed: a path, a dict, a Scene)")
+
+
+def rollout(weights, scene: Scene | dict | str | os.PathLike, frames: int | None = None, **options) -> Trajectory:
     """Predicts a scene with the graph network or reduced-order model of a weights file.
 
-    `options` are those of NetworkModel.rollout() or ReducedModel.rollout(), which this calls. For many scenes make the
-    model once.
+    scene: a Scene, a dict whose files are relative to the working directory, or the path of a scene file. `options` are
+    those of NetworkModel.rollout() or ReducedModel.rollout(), which this calls. For many scenes make the model once.
     """
-    return load_model(weights).rollout(scene, frames, **options)
+    return load_model(weights).rollout(_checked(scene), frames, **options)
 
 
-def simulate(scene: Scene, path, frames: int | None = None, *, device: str = "cpu", precision: str = "f32",
-             seed: int | None = None, fields: str = "", forces: bool = False, progress=None) -> Trajectory:
+def simulate(scene: Scene | dict | str | os.PathLike, path, frames: int | None = None, *, device: str = "cpu",
+             precision: str = "f32", seed: int | None = None, fields: str = "", forces: bool = False,
+             progress=None) -> Trajectory:
     """Runs a scene with the solver into an HDF5 file and opens it.
 
-    `fields`: of Simulation.field(), comma-separated, stored with every frame; `forces`: store those on obstacles and
-    walls (Trajectory.forces); progress(frame) after each frame. A run that blows up ends with DivergedError and leaves
-    the frames before in the file. The file takes the place of nothing that the scene was read from (ConfigError).
+    scene: as in rollout(); `fields`: of Simulation.field(), comma-separated, stored with every frame; `forces`: store
+    those on obstacles and walls (Trajectory.forces); progress(frame) after each frame. A run that blows up ends with
+    DivergedError and leaves the frames before in the file. The file takes the place of nothing that the scene was read
+    from (ConfigError).
     """
     path = output_path("path", path)
+    scene = _checked(scene)
     count = scene.frames if frames is None else frames
     if count < 0:
         raise ConfigError(f"frames must not be negative ({count}). Use 0 or more")
