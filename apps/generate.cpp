@@ -43,7 +43,7 @@ void add_generate(const Command& app) {
       "A recipe draws random scenes, or names a scene and the values of its parameters, one for each run.\n"
       "Complete scenes are skipped, so an interrupted run goes on. A random scene that diverges is redrawn and logged\n"
       "in redrawn.jsonl; a run of a sweep that diverges is an error. A scene's bytes depend on the recipe, the seed,\n"
-      "its index and the kind of device alone: not on the batch, the shard or the threads.\n\nExamples:\n"
+      "its index, the kind of device and the build alone: not on the batch, the shard or the threads.\n\nExamples:\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --set counts.train=100\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --shard 3/8 --device cuda --batch 128\n"
       "  graupel generate scenes/recipes/hgn.json -o data/hgn --emit-slurm 8 > submit.sh\n"

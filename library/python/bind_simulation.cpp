@@ -286,7 +286,7 @@ void bind_simulation(nb::module_& module) {
           "the point that the torque is about. Inside of a frame, after step(), of the part of it that is done; zeros\n"
           "before the first and after load_state(). Raises ConfigError without forces=True.")
       .def("save_state", &PySimulation::save_state,
-           "The whole state between two frames as bytes; a run that loads it goes on exactly.")
+           "The whole state between two frames as bytes; a run of the same build that loads it goes on exactly.")
       .def("load_state", &PySimulation::load_state, "state"_a,
            "Raises InputError when the state is of another scene, seed, precision or device, or damaged.")
       .def_prop_ro("time", &PySimulation::time, "[s].")

@@ -179,6 +179,7 @@ void bind_trajectory(nb::module_& module) {
       .def(
           "__getitem__", [](const PyTrajectory& t, const nb::object& index) { return PyFrame{frame_at(t, index)}; },
           "index"_a, nb::sig("def __getitem__(self, index: int) -> Frame"))
+      .def("__iter__", &iterator_over, nb::sig("def __iter__(self) -> Iterator[Frame]"))
       .def_prop_ro(
           "positions",
           [](const PyTrajectory& t) {
@@ -290,6 +291,7 @@ void bind_trajectory(nb::module_& module) {
       .def(
           "__getitem__",
           [](const std::shared_ptr<OpenFile>& file, int64_t index) { return trajectory_of(file, index); }, "index"_a)
+      .def("__iter__", &iterator_over, nb::sig("def __iter__(self) -> Iterator[Trajectory]"))
       .def_prop_ro("complete", [](const OpenFile& file) { return file.reader.complete(); });
   module.def("open", &open_file, "path"_a, nb::sig("def open(path: str | os.PathLike) -> DataSet"),
              "Opens a file with one or more trajectories. Raises InputError.");

@@ -51,6 +51,9 @@ nb::ndarray<nb::numpy, const T> array_of(std::vector<T> values, std::initializer
   return array_of(*owner, shape, owner);
 }
 
+/// Python's iterator over a sequence, by its [0], [1] and so on; with it type checkers know of the iteration.
+inline nb::object iterator_over(nb::handle sequence) { return nb::steal<nb::object>(PySeqIter_New(sequence.ptr())); }
+
 /// Throws ConfigError, which tells the names.
 inline ParticleField field_named(const std::string& name) {
   for (const ParticleField field : all_particle_fields)

@@ -94,6 +94,7 @@ void bind_frame_arrays(nb::module_& module) {
       .def("__len__", [](const FrameArrays& arrays) { return arrays.trajectory.size(); })
       .def("__getitem__", &FrameArrays::get, "index"_a,
            nb::sig("def __getitem__(self, index: int | slice) -> numpy.ndarray"))
+      .def("__iter__", &iterator_over, nb::sig("def __iter__(self) -> Iterator[numpy.ndarray]"))
       .def("__array__", &FrameArrays::as_array, "dtype"_a = nb::none(), "copy"_a = nb::none(),
            nb::sig("def __array__(self, dtype: object = None, copy: bool | None = None) -> NDArray"))
       .def_prop_ro("shape", &FrameArrays::shape);

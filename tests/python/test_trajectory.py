@@ -2,6 +2,7 @@
 import os
 import tempfile
 import unittest
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -63,6 +64,11 @@ class TrajectoryTest(unittest.TestCase):
         np.testing.assert_array_equal(trajectory[1:3][1].positions, trajectory.positions[2])
         with self.assertRaises(ValueError):
             trajectory[::0]
+
+    def test_type_checkers_know_what_iterates(self):
+        for many in (graupel.open(self.file), graupel.Trajectory(self.file), graupel.Trajectory(self.file).positions):
+            self.assertIsInstance(many, Iterable)
+            self.assertEqual(len(list(many)), len(many))
 
     def test_arrays_of_all_frames_are_copies(self):
         x = graupel.Trajectory(self.file).positions

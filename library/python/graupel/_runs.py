@@ -40,7 +40,7 @@ def _checked(scene) -> Scene:
     if isinstance(scene, dict):
         return Scene.from_dict(scene)
     if isinstance(scene, (str, bytes, os.PathLike)):
-        return Scene.from_file(scene)
+        return Scene.from_file(os.fsdecode(scene))
     raise TypeError(f"scene is a '{type(scene).__name__}' (allowed: a path, a dict, a Scene)")
 
 
