@@ -313,10 +313,10 @@ void bind_simulation(nb::module_& module) {
            "fields: names of Simulation.field(), comma-separated. Of a Simulation(scene, forces=True) the forces\n"
            "are stored too: Trajectory.forces. Raises IoError, also for a folder or a device, and ConfigError for a\n"
            "file that the scene was read from.")
-      .def(
-          "append", &PyWriter::append, "simulation"_a,
-          "Adds the state now as a frame. Raises IoError, and ConfigError for a run with another number of particles,\n"
-          "or without the forces that the file has.")
+      .def("append", &PyWriter::append, "simulation"_a,
+           "Adds the state now as a frame, with the forces since the frame before.\n\n"
+           "Raises IoError, and ConfigError for a run with another number of particles, or without the forces that\n"
+           "the file has.")
       .def("finish", &PyWriter::finish, "diverged_at_frame"_a = -1, "Completes the file and gives it its name.")
       .def(
           "__enter__", [](PyWriter& writer) -> PyWriter& { return writer; }, nb::rv_policy::reference)

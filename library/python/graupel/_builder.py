@@ -21,7 +21,7 @@ class SceneBuilder:
     def __init__(self, size=(1.0, 1.0, 1.0), dx: float = 1 / 64, **domain):
         """size: edges of the domain [m]; dx: grid spacing [m]; other keys of 'domain'."""
         self._keys: dict = {"domain": {"size": list(size), "dx": dx, **domain}, "materials": {}, "sources": [],
-                      "obstacles": []}
+                            "obstacles": []}
 
     def material(self, name: str, **keys) -> SceneBuilder:
         """preset='water', or model= with its constants."""

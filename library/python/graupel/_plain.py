@@ -12,8 +12,7 @@ def check_nothing_masked(name, values):
     import numpy
     parts = [([i], part) for i, part in enumerate(values)] if isinstance(values, (list, tuple)) else [([], values)]
     for place, part in parts:
-        mask = numpy.ma.getmask(part)
-        if mask is numpy.ma.nomask or mask.dtype.names or not mask.any():
+        if not isinstance(part, numpy.ma.MaskedArray) or part.dtype.names or not (mask := part.mask).any():
             continue
         first = place + numpy.argwhere(mask)[0].tolist()
         raise ConfigError(f"{name}{''.join(f'[{i}]' for i in first)} is masked (allowed: no masked elements). Leave it "
