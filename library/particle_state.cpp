@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <utility>
 
 namespace graupel {
@@ -95,6 +97,12 @@ void check(const Scene& scene, const ParticleState& state) {
   check_materials(scene, state.material, n);
 }
 
+/// Of particles of the mean of these volumes, as far as a scene may have them.
+double particles_per_cell(const Domain& domain, const std::vector<double>& volume) {
+  const double all = std::accumulate(volume.begin(), volume.end(), 0.0);
+  return std::min(1000.0, domain.cell_volume() * static_cast<double>(volume.size()) / all);
+}
+
 }  // namespace
 
 Scene with_particles(const Scene& scene, ParticleState state) {
@@ -102,6 +110,7 @@ Scene with_particles(const Scene& scene, ParticleState state) {
   Source source;
   source.shape = Shape::points;
   source.material = state.material.front();
+  if (!state.volume.empty()) source.particles_per_cell = particles_per_cell(scene.domain, state.volume);
   source.points = std::make_shared<const std::vector<Vec3d>>(state.position);
   source.state = std::make_shared<const ParticleState>(std::move(state));
   Scene own = scene;

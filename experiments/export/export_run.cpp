@@ -6,10 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "compare/metrics/particle_run.h"
 #include "compare/pictures/png.h"
@@ -19,13 +17,14 @@
 #include "experiments/export/film.h"
 #include "experiments/export/force_table.h"
 #include "experiments/export/frame_range.h"
+#include "experiments/export/particle_sizes.h"
 #include "experiments/export/run_pictures.h"
+#include "experiments/export/stored_scene.h"
 #include "experiments/process/input_file.h"
 #include "experiments/process/process.h"
 #include "experiments/process/progress.h"
 #include "io/export/export.h"
 #include "io/export/export_frames.h"
-#include "io/scene/scene_reader.h"
 #include "io/trajectory/input_files.h"
 #include "io/trajectory/trajectory_file.h"
 
@@ -42,73 +41,17 @@ bool contains(const std::vector<std::string>& words, const std::string& word) {
 
 std::string listed(const std::vector<std::string>& words) { return fmt::format("{}", fmt::join(words, ", ")); }
 
-/// The scene that a trajectory stores, or why there is none.
-struct StoredScene {
-  std::optional<Scene> scene;
-  std::string problem = "the file stores no scene";
-};
-StoredScene stored_scene(const std::string& text, const std::string& file) {
-  StoredScene stored;
-  if (text.empty()) return stored;
-  try {
-    stored.scene = io::parse_stored_scene(text, file + " (its scene)", file);
-  } catch (const Error& error) {
-    stored.problem = error.what();
-  }
-  return stored;
-}
-
-/// Widest spacing that the scene's bodies are filled with [m]: those of materials that `counts`.
-template <typename Counts>
-double widest_spacing(const Scene& scene, Counts counts) {
-  double spacing = 0;
-  const auto take = [&](const std::string& material, double per_cell) {
-    if (counts(material)) spacing = std::max(spacing, scene.domain.spacing(per_cell));
-  };
-  for (const Source& source : scene.sources) take(source.material, source.particles_per_cell);
-  for (const Emitter& emitter : scene.emitters) take(emitter.material, emitter.particles_per_cell);
-  return spacing;
-}
-double widest_spacing(const Scene& scene) {
-  return widest_spacing(scene, [](const std::string&) { return true; });
-}
-/// Of one body; of all bodies where the scene does not tell it.
-double widest_spacing(const Scene& scene, const io::SurfaceBody& body, const ParticleMaterials& materials) {
-  const double own = widest_spacing(scene, [&](const std::string& material) {
-    if (body.index.value_or(-1) >= 0) return materials.names[static_cast<std::size_t>(*body.index)] == material;
-    return particle_type_of(scene.materials.at(material).model) == body.particle_type;
-  });
-  return own > 0 ? own : widest_spacing(scene);
-}
-
-/// Diameters of all particles, as drawn [m]; empty where they are the same.
-std::vector<float> particle_sizes(const Scene& scene, const Trajectory& header) {
-  std::map<std::pair<int32_t, int32_t>, float> of_body;
-  std::set<float> all;
-  for (const io::SurfaceBody& body : io::surface_bodies(header.particle_type, header.materials, {})) {
-    const auto size = static_cast<float>(widest_spacing(scene, body, header.materials));
-    of_body[{body.particle_type, body.index.value_or(-1)}] = size;
-    all.insert(size);
-  }
-  if (all.size() < 2) return {};
-  std::vector<float> sizes;
-  sizes.reserve(header.particle_count());
-  for (std::size_t i = 0; i < header.particle_type.size(); ++i)
-    sizes.push_back(of_body.at({header.particle_type[i], header.materials.empty() ? -1 : header.materials.index[i]}));
-  return sizes;
-}
-
 std::vector<io::SurfaceBody> surface_bodies(const ExportRequest& request, const StoredScene& stored,
-                                            const Trajectory& header) {
-  if (stored.scene && stored.scene->domain.dimensions == 2)
+                                            const std::vector<float>& sizes, const Trajectory& header) {
+  if (stored.best() != nullptr && stored.best()->domain.is_plane())
     throw ConfigError("'" + request.input + "' has 2 dimensions, surfaces are for 3. Leave --surface out");
-  if (!stored.scene && !request.radius)
+  if (sizes.empty() && !request.radius)
     throw ConfigError("the size of the particles in '" + request.input + "' is not known (" + stored.problem +
                       "). Give it by --radius, 1.5 times their spacing");
   std::vector<io::SurfaceBody> bodies = io::surface_bodies(header.particle_type, header.materials, {});
   for (io::SurfaceBody& body : bodies) {
-    body.settings = io::default_surface_settings(stored.scene ? widest_spacing(*stored.scene, body, header.materials)
-                                                              : *request.radius / 1.5);
+    body.settings =
+        io::default_surface_settings(sizes.empty() ? *request.radius / 1.5 : widest_size(sizes, header, body));
     body.settings.radius = request.radius.value_or(body.settings.radius);
     body.settings.voxel = request.voxel.value_or(body.settings.voxel);
     body.settings.smoothing = request.smoothing.value_or(body.settings.smoothing);
@@ -155,7 +98,7 @@ class PictureSink : public Sink {
  public:
   PictureSink(const ExportRequest& request, const io::ExportTarget& target, const StoredScene& stored)
       : target_(target) {
-    if (!stored.scene)
+    if (!stored.whole)
       throw ConfigError("pictures of '" + request.input + "' need its scene (" + stored.problem +
                         "). Choose a format of particles: " + listed(io::point_formats()));
     if (request.width % 2 != 0 || request.height % 2 != 0)
@@ -169,7 +112,7 @@ class PictureSink : public Sink {
       film_ = std::make_unique<Film>(target.folder + "/" + target.name + "." + request.format, request.format,
                                      request.rate.value_or(std::clamp(1 / target.frame_time, 1.0, 60.0)), request.width,
                                      request.height);
-    pictures_ = std::make_unique<RunPictures>(*stored.scene, target.point_size, request.width, request.height);
+    pictures_ = std::make_unique<RunPictures>(*stored.whole, target.point_size, request.width, request.height);
   }
   void write(int64_t frame, const io::PointFrame& points) override {
     const compare::Image picture = pictures_->draw(frame, points);
@@ -197,6 +140,14 @@ void check_format(const ExportRequest& request) {
     throw ConfigError("particles are not written as '" + request.format + "' (allowed: " + listed(io::point_formats()) +
                       "; pictures: " + listed(picture_formats) +
                       "; forces: csv). Choose one of these, or add --surface");
+}
+
+/// Whether the files of particles hold their sizes.
+bool stores_sizes(const ExportRequest& request) {
+  return !request.surface && contains({"bgeo", "usda"}, request.format);
+}
+bool shows_sizes(const ExportRequest& request) {
+  return request.surface || stores_sizes(request) || contains(picture_formats, request.format);
 }
 
 constexpr const char* name_characters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
@@ -230,9 +181,9 @@ std::string default_name(const ExportRequest& request, int trajectories) {
 }
 
 std::unique_ptr<Sink> make_sink(const ExportRequest& request, const io::ExportTarget& target, const StoredScene& stored,
-                                const Trajectory& header) {
+                                const std::vector<float>& sizes, const Trajectory& header) {
   if (request.surface)
-    return std::make_unique<SurfaceSink>(request.format, target, surface_bodies(request, stored, header));
+    return std::make_unique<SurfaceSink>(request.format, target, surface_bodies(request, stored, sizes, header));
   if (contains(picture_formats, request.format)) return std::make_unique<PictureSink>(request, target, stored);
   return std::make_unique<PointSink>(request.format, target);
 }
@@ -310,15 +261,20 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   target.name = request.name.empty() ? default_name(request, reader.count()) : request.name;
   target.folder = request.folder.empty() ? target.name + "_" + request.format : request.folder;
   target.frame_time = header.frame_time;
-  if (stored.scene) {
-    target.point_size = widest_spacing(*stored.scene);
-    target.sizes = particle_sizes(*stored.scene, header);
-    target.up_axis = compare::vertical_axis(stored.scene->gravity) == 2 ? 'Z' : 'Y';
+  if (stored.best() != nullptr) target.up_axis = compare::vertical_axis(stored.best()->gravity) == 2 ? 'Z' : 'Y';
+  const std::vector<float> sizes = shows_sizes(request) ? particle_sizes(stored, header) : std::vector<float>();
+  if (!sizes.empty()) {
+    const auto [least, most] = std::minmax_element(sizes.begin(), sizes.end());
+    target.point_size = *most;
+    if (*least < *most) target.sizes = sizes;
+  } else if (stores_sizes(request)) {
+    warn(fmt::format("the size of the particles in '{}' is not known ({}): {} m is written. Change it in the program",
+                     request.input, stored.problem, target.point_size));
   }
   const NamedFile input = {"the trajectory", request.input};
   io::check_inputs_kept({input}, {{"--json", json}});
   check_apart_from_series(io::files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
-  const std::unique_ptr<Sink> sink = make_sink(request, target, stored, header);
+  const std::unique_ptr<Sink> sink = make_sink(request, target, stored, sizes, header);
   const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
   Progress progress("export", static_cast<int64_t>(frames.size()));
   for (std::size_t k = 0; k < frames.size(); ++k) {

@@ -202,6 +202,13 @@ Scene parse_stored_scene(const std::string& text, const std::string& name, const
   }
 }
 
+Scene parse_scene_keys(const std::string& text, const std::string& name) {
+  const ConfigDocument document = parse_document<Scene>(text, name, {});
+  Scene scene = read_config<Scene>(document);
+  check_scene(document, scene);
+  return scene;
+}
+
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
   Scene scene = parse_scene(read_file(path, largest_file), path, folder_of(path), overrides);
   scene.file = path;

@@ -27,6 +27,9 @@ std::vector<std::string> scene_mistakes(const std::string& path, const std::vect
 Scene parse_stored_scene(const std::string& text, const std::string& name, const std::string& file,
                          const std::vector<std::string>& overrides = {});
 
+/// The same without geometry: meshes and points are not loaded, and their files need not be there. Throws ConfigError.
+Scene parse_scene_keys(const std::string& text, const std::string& name);
+
 /// The text of a stored scene with another number of frames.
 std::string with_frames(const std::string& scene_json, int64_t frames);
 

@@ -76,6 +76,7 @@ TEST(ParticleState, AStretchedBlockHasItsEnergyAndStress) {
   state.deformation_gradient.assign(1000, Mat3d::diagonal({1.1, 1, 1}));
   state.volume.assign(1000, 1e-6);
   state.material = {"matter"};
+  EXPECT_NEAR(with_particles(scene, state).sources[0].particles_per_cell, scene.domain.cell_volume() / 1e-6, 1e-9);
   const Simulation run(with_particles(scene, state), {.f64 = true});
   EXPECT_NEAR(run.balance().elastic, 1e-3 * 5e4 * 0.01, 1e-6);  // V mu (s - 1)^2
   EXPECT_NEAR(run.field(ParticleField::stress)[0], 2 * 5e4 * 0.1 * 1.1, 1);
