@@ -150,12 +150,10 @@ bool shows_sizes(const ExportRequest& request) {
   return request.surface || stores_sizes(request) || contains(picture_formats, request.format);
 }
 
-constexpr const char* name_characters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
-
 /// Files that begin with '.' are hidden.
 void check_flags(const ExportRequest& request) {
   const std::string& name = request.name;
-  if (name.starts_with('.') || name.find_first_not_of(name_characters) != std::string::npos)
+  if (name.starts_with('.') || io::as_file_name(name) != name)
     throw ConfigError("--name '" + name +
                       "' cannot name exported files (allowed: letters, digits, '.', '_', '-', no '.' at the "
                       "beginning). Choose another");
@@ -167,9 +165,8 @@ void check_flags(const ExportRequest& request) {
 
 /// The input's name with '_' for what cannot be in names of exported files.
 std::string name_from(const std::string& input) {
-  std::string name = std::filesystem::path(input).stem().string();
+  std::string name = io::as_file_name(std::filesystem::path(input).stem().string());
   if (name.starts_with('.')) name.front() = '_';
-  for (std::size_t at = 0; (at = name.find_first_not_of(name_characters, at)) != std::string::npos;) name[at] = '_';
   return name;
 }
 

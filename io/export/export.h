@@ -76,7 +76,7 @@ class PointWriter {
 };
 /// vtp (ParaView), ply, vdb (points), bgeo (Houdini), usda.
 const std::vector<std::string>& point_formats();
-/// Makes the folder. Throws ConfigError for another format or a name with other characters than A-Z a-z 0-9 . _ -.
+/// Makes the folder. Throws ConfigError for another format, or a name that as_file_name() changes.
 std::unique_ptr<PointWriter> make_point_writer(const std::string& format, const ExportTarget& target);
 
 /// The same for surfaces, one file a frame and material.

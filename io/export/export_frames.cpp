@@ -1,6 +1,7 @@
 // Names and folders of exported frames, and which writer a format has.
 #include "io/export/export_frames.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -9,6 +10,7 @@
 
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
+#include "core/system/printable.h"
 
 namespace graupel::io {
 
@@ -72,10 +74,23 @@ std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& format, co
   return make_writer(surface_makers(), format, target, "surfaces");
 }
 
+std::string as_file_name(std::string_view text) {
+  constexpr std::string_view allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
+  std::string name;
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);  // 0: no character
+    const std::string_view character = text.substr(0, std::max<std::size_t>(1, length));
+    const bool fits =
+        length > 1 ? printable(character) == character : allowed.find(character[0]) != std::string_view::npos;
+    name += fits ? character : "_";
+    text.remove_prefix(character.size());
+  }
+  return name;
+}
+
 void prepare_export(const ExportTarget& target) {
-  const char* allowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-";
   const std::string& name = target.name;
-  if (name.empty() || name.find_first_not_of(allowed) != std::string::npos)
+  if (name.empty() || as_file_name(name) != name)
     throw ConfigError("'" + name + "' cannot name exported files (allowed: letters, digits, '.', '_', '-'). " +
                       "Choose another name");
   make_folder(target.folder);

@@ -2,12 +2,16 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "io/export/export.h"
 
 namespace graupel::io {
 
-/// Makes the folder. Throws ConfigError for a name with other characters than A-Z a-z 0-9 . _ -.
+/// `text` with '_' for each character that names of exported files do not have. They have letters, digits, '.', '_',
+/// '-' and what is beyond ASCII (UTF-8, no control characters): no format's reader takes these for anything else.
+std::string as_file_name(std::string_view text);
+/// Makes the folder. Throws ConfigError for a name with other characters.
 void prepare_export(const ExportTarget& target);
 /// "<folder>/<name>_0007<ending>", with more digits where there are more frames; `material` follows the name.
 std::string frame_file(const ExportTarget& target, int64_t frame, const std::string& ending);

@@ -57,12 +57,13 @@ std::string array_text(const std::vector<T>& values) {
   return out + "]";
 }
 
-/// A name that USD allows: letters, digits and '_', not a digit first.
+/// A name that every version of USD allows: letters of ASCII, digits and '_', not a digit first.
 std::string identifier(const std::string& name) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   std::string out = name;
   for (char& c : out)
-    if (c == '.' || c == '-') c = '_';
-  return out.front() >= '0' && out.front() <= '9' ? "_" + out : out;
+    if (!is_digit(c) && !(c >= 'a' && c <= 'z') && !(c >= 'A' && c <= 'Z')) c = '_';
+  return is_digit(out.front()) ? "_" + out : out;
 }
 
 }  // namespace

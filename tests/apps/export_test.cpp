@@ -150,12 +150,29 @@ TEST_F(ExportVerb, NamesOfFiles) {
   std::filesystem::copy(run_, odd);
   const Outcome made = graupel("export '" + odd + "' -f ply --frames 1 -o " + folder_.file("odd"));
   EXPECT_EQ(made.exit_code, 0) << made.output;
-  EXPECT_EQ(names_in(folder_.file("odd")), (Names{"my_st__ps_0001.ply"}));
-  for (const char* name : {"..", ".hidden", "'a b'"}) {
+  EXPECT_EQ(names_in(folder_.file("odd")), (Names{"my_stéps_0001.ply"}));
+  for (const char* name : {"..", ".hidden", "'a b'", "\"$(printf 'a\\tb')\"", "\"$(printf 'a\\377')\""}) {
     const Outcome outcome = exported(std::string("-f ply --name ") + name);
     EXPECT_EQ(outcome.exit_code, 2) << name;
     EXPECT_TRUE(outcome.says("--name '")) << outcome.output;
   }
+}
+
+/// Runs of one folder do not replace each other, and readers take the files.
+TEST_F(ExportVerb, NamesBeyondAscii) {
+  for (const std::string name : {"水", "雪"}) {
+    std::filesystem::copy(run_, folder_.file(name + ".h5"));
+    for (const std::string words : {"-f vtp", "-f vdb", "-f usda"}) {
+      const Outcome made =
+          graupel("export " + folder_.file(name + ".h5") + " --frames 1 -o " + folder_.file("out") + " " + words);
+      EXPECT_EQ(made.exit_code, 0) << made.output;
+    }
+  }
+  EXPECT_EQ(names_in(folder_.file("out")), (Names{"水.pvd", "水.usda", "水_0001.vdb", "水_0001.vtp", "雪.pvd",
+                                                  "雪.usda", "雪_0001.vdb", "雪_0001.vtp"}));
+  EXPECT_NE(read_file(folder_.file("out/水.pvd")).find("file=\"水_0001.vtp\""), std::string::npos);
+  EXPECT_NE(read_file(folder_.file("out/水.usda")).find("defaultPrim = \"___\""), std::string::npos);
+  EXPECT_EQ(graupel("validate " + folder_.file("out/水_0001.vdb")).exit_code, 0);
 }
 
 TEST_F(ExportVerb, PicturesAreDrawn) {
