@@ -17,6 +17,7 @@
 #include "experiments/export/film.h"
 #include "experiments/export/force_table.h"
 #include "experiments/export/frame_range.h"
+#include "experiments/export/other_frames.h"
 #include "experiments/export/particle_sizes.h"
 #include "experiments/export/run_pictures.h"
 #include "experiments/export/stored_scene.h"
@@ -231,11 +232,28 @@ std::vector<std::string> export_formats() {
 
 namespace {
 
+bool is_one_file(const ExportRequest& request) { return contains({"usda", "gif", "mp4"}, request.format); }
+
 /// Series keep the frames before; what is one file for all frames is not written.
 void stop(const ExportRequest& request, Sink& sink, const std::string& folder) {
-  const bool one_file = contains({"usda", "gif", "mp4"}, request.format);
-  if (!one_file) sink.finish();
-  stop_if_interrupted(one_file ? "; nothing was written" : "; the frames before are in '" + folder + "'");
+  if (!is_one_file(request)) sink.finish();
+  stop_if_interrupted(is_one_file(request) ? "; nothing was written" : "; the frames before are in '" + folder + "'");
+}
+
+/// Programs that open a series by its numbers read all that is there.
+void warn_of_other_frames(const ExportRequest& request, const io::ExportTarget& target,
+                          const std::vector<int64_t>& frames) {
+  if (is_one_file(request)) return;
+  const std::vector<std::string> others =
+      other_frames(target.folder, target.name, request.surface, "." + request.format, frames);
+  if (others.empty()) return;
+  const std::string names = others.size() == 1
+                                ? "'" + others.front() + "'"
+                                : fmt::format("'{}' to '{}', {} files", others.front(), others.back(), others.size());
+  warn(
+      fmt::format("'{}' also has frames of another export by these names ({}), which programs take for this one's. "
+                  "Remove them, or choose another folder by --output",
+                  target.folder, names));
 }
 
 /// `json`: another output.
@@ -285,6 +303,7 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   if (interrupted()) stop(request, *sink, target.folder);
   sink->finish();
   progress.done();
+  warn_of_other_frames(request, target, frames);
   return {target.folder, static_cast<int64_t>(frames.size()), static_cast<int64_t>(header.particle_count())};
 }
 

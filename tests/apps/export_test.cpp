@@ -175,6 +175,23 @@ TEST_F(ExportVerb, NamesBeyondAscii) {
   EXPECT_EQ(graupel("validate " + folder_.file("out/水_0001.vdb")).exit_code, 0);
 }
 
+TEST_F(ExportVerb, FramesOfAnotherExportAreTold) {
+  for (const std::string words : {"-f vtp", "-f ply --surface --name run"}) {
+    EXPECT_FALSE(exported(words).says("another export")) << words;
+    EXPECT_FALSE(exported(words).says("another export")) << words;
+    const Outcome outcome = exported(words + " --frames 0:4");
+    EXPECT_EQ(outcome.exit_code, 0);
+    const std::string first = words == "-f vtp" ? "'run_0005.vtp' to 'run_0006.vtp'" : "'run_water_0005.ply' to";
+    EXPECT_TRUE(
+        outcome.says("'" + folder_.file("out") + "' also has frames of another export by these names (" + first))
+        << outcome.output;
+    EXPECT_TRUE(outcome.says("2 files")) << outcome.output;
+  }
+  EXPECT_FALSE(exported("-f ply --frames 0:4").says("another export"));  // other names
+  EXPECT_FALSE(exported("-f usda --frames 0:4").says("another export"));
+  EXPECT_TRUE(exported("-f vtp --frames 0:5").says("('run_0006.vtp')"));
+}
+
 TEST_F(ExportVerb, PicturesAreDrawn) {
   EXPECT_EQ(files_of("--format png --frames 2:3 --width 96 --height 64"), (Names{"run_0002.png", "run_0003.png"}));
   const std::string png = read_file(folder_.file("out/run_0002.png"));
