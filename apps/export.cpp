@@ -1,5 +1,6 @@
 // graupel export: trajectory -> files that other programs read.
 #include <memory>
+#include <string>
 
 #include "apps/verbs.h"
 #include "experiments/export/export_run.h"
@@ -49,8 +50,12 @@ void add_export(const Command& app) {
       .check(whole_number(0, 100));
   command.option("--rate", request.rate, "Pictures of a film a second; default as the run's frames, at most 60")
       .check(real_number(1, 240));
-  command.option("--width", request.width, "Of pictures, even [pixels]").check(whole_number(64, 7680)).show_default();
-  command.option("--height", request.height, "Of pictures, even [pixels]").check(whole_number(64, 4320)).show_default();
+  command.option("--width", request.width, "Of pictures, even [pixels]")
+      .check(whole_number(64, 7680))
+      .show_default(std::to_string(default_width));
+  command.option("--height", request.height, "Of pictures, even [pixels]")
+      .check(whole_number(64, 4320))
+      .show_default(std::to_string(default_height));
   verb->common.add_without_run_to(command);
   command.footer(
       "Examples:\n  graupel export steps.h5 --format vtp -o steps_vtp\n"

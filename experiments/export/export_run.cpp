@@ -102,18 +102,19 @@ class PictureSink : public Sink {
     if (!stored.whole)
       throw ConfigError("pictures of '" + request.input + "' need its scene (" + stored.problem +
                         "). Choose a format of particles: " + listed(io::point_formats()));
-    if (request.width % 2 != 0 || request.height % 2 != 0)
+    const int width = request.width.value_or(default_width), height = request.height.value_or(default_height);
+    if (width % 2 != 0 || height % 2 != 0)
       throw ConfigError(
           fmt::format("pictures of {} x {} pixels cannot be a film (allowed: even numbers). Change --width "
                       "or --height",
-                      request.width, request.height));
+                      width, height));
     if (request.format != "png") check_film_program(request.format);
     io::prepare_export(target);
     if (request.format != "png")
-      film_ = std::make_unique<Film>(target.folder + "/" + target.name + "." + request.format, request.format,
-                                     request.rate.value_or(std::clamp(1 / target.frame_time, 1.0, 60.0)), request.width,
-                                     request.height);
-    pictures_ = std::make_unique<RunPictures>(*stored.whole, target.point_size, request.width, request.height);
+      film_ =
+          std::make_unique<Film>(target.folder + "/" + target.name + "." + request.format, request.format,
+                                 request.rate.value_or(std::clamp(1 / target.frame_time, 1.0, 60.0)), width, height);
+    pictures_ = std::make_unique<RunPictures>(*stored.whole, target.point_size, width, height);
   }
   void write(int64_t frame, const io::PointFrame& points) override {
     const compare::Image picture = pictures_->draw(frame, points);
@@ -151,17 +152,38 @@ bool shows_sizes(const ExportRequest& request) {
   return request.surface || stores_sizes(request) || contains(picture_formats, request.format);
 }
 
+/// What is written, in the plural.
+const char* written_things(const ExportRequest& request) {
+  if (request.surface) return "surfaces";
+  if (request.format == force_format) return "forces";
+  if (request.format == "png") return "pictures";
+  return contains(picture_formats, request.format) ? "films" : "particles";
+}
+
+/// Flags that would have no effect.
+void check_flags_fit(const ExportRequest& request) {
+  const auto refuse = [&](const char* flag, const char* things, const char* remedy) {
+    throw ConfigError(fmt::format("{} is for {}, and {} are written. {}, or leave {} out", flag, things,
+                                  written_things(request), remedy, flag));
+  };
+  const char* of_surfaces = request.radius      ? "--radius"
+                            : request.voxel     ? "--voxel"
+                            : request.smoothing ? "--smoothing"
+                                                : nullptr;
+  if (!request.surface && of_surfaces != nullptr) refuse(of_surfaces, "surfaces", "Add --surface");
+  const bool draws = !request.surface && contains(picture_formats, request.format);
+  if (request.width && !draws) refuse("--width", "pictures", "Choose --format png, gif or mp4");
+  if (request.height && !draws) refuse("--height", "pictures", "Choose --format png, gif or mp4");
+  if (request.rate && (!draws || request.format == "png")) refuse("--rate", "films", "Choose --format gif or mp4");
+  if (!request.name.empty() && request.format == force_format) refuse("--name", "frames", "Name the file by --output");
+}
+
 /// Files that begin with '.' are hidden.
-void check_flags(const ExportRequest& request) {
-  const std::string& name = request.name;
+void check_name(const std::string& name) {
   if (name.starts_with('.') || io::as_file_name(name) != name)
     throw ConfigError("--name '" + name +
                       "' cannot name exported files (allowed: letters, digits, '.', '_', '-', no '.' at the "
                       "beginning). Choose another");
-  const char* of_surfaces = request.radius ? "--radius" : request.voxel ? "--voxel" : "--smoothing";
-  if (!request.surface && (request.radius || request.voxel || request.smoothing))
-    throw ConfigError(std::string(of_surfaces) +
-                      " is for surfaces, and particles are written. Add --surface, or leave " + of_surfaces + " out");
 }
 
 /// The input's name with '_' for what cannot be in names of exported files.
@@ -259,7 +281,8 @@ void warn_of_other_frames(const ExportRequest& request, const io::ExportTarget& 
 /// `json`: another output.
 ExportResult export_trajectory(const ExportRequest& request, const std::string& json) {
   check_format(request);
-  check_flags(request);
+  check_flags_fit(request);
+  check_name(request.name);
   check_readable(request.input);
   const io::TrajectoryReader reader(request.input);
   if (request.trajectory < 0 || request.trajectory >= reader.count())
@@ -288,7 +311,9 @@ ExportResult export_trajectory(const ExportRequest& request, const std::string& 
   }
   const NamedFile input = {"the trajectory", request.input};
   io::check_inputs_kept({input}, {{"--json", json}});
-  check_apart_from_series(io::files_behind({input}), target.folder, target.name, {"." + request.format, ".pvd"});
+  std::vector<NamedFile> kept = io::files_behind({input});
+  if (!json.empty()) kept.push_back({"the file of --json", follow_links(json).path});
+  check_apart_from_series(kept, target.folder, target.name, {"." + request.format, ".pvd"});
   const std::unique_ptr<Sink> sink = make_sink(request, target, stored, sizes, header);
   const FieldSet fields = volume_ratio_fields(reader.fields(request.trajectory));
   Progress progress("export", static_cast<int64_t>(frames.size()));

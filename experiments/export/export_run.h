@@ -21,8 +21,10 @@ struct ExportRequest {
   std::optional<double> radius, voxel;  ///< SurfaceSettings [m]; default by the scene's dx
   std::optional<int> smoothing;         ///< SurfaceSettings
   std::optional<double> rate;           ///< pictures of a film a second; default as many as the run has frames
-  int width = 960, height = 540;        ///< of pictures [pixels]
+  std::optional<int> width, height;     ///< of pictures [pixels]; default default_width, default_height
 };
+
+inline constexpr int default_width = 960, default_height = 540;  ///< [pixels]
 
 /// Of particles, of surfaces, of pictures and of forces (csv), without repetitions.
 std::vector<std::string> export_formats();

@@ -145,6 +145,42 @@ TEST_F(ExportVerb, FormatsThatDoNotFitAreRefused) {
   EXPECT_TRUE(outcome.says("--radius is for surfaces")) << outcome.output;
 }
 
+TEST_F(ExportVerb, FlagsWithoutEffectAreRefused) {
+  for (const auto& [words, says] : std::vector<std::pair<std::string, std::string>>{
+           {"-f ply --width 400",
+            "--width is for pictures, and particles are written. Choose --format png, gif or mp4"},
+           {"-f obj --surface --height 400", "--height is for pictures, and surfaces are written"},
+           {"--rate 30",
+            "--rate is for films, and particles are written. Choose --format gif or mp4, or leave --rate "},
+           {"-f png --rate 30", "--rate is for films, and pictures are written"},
+           {"-f csv --name x", "--name is for frames, and forces are written. Name the file by --output"},
+           {"-f mp4 --voxel 0.1", "--voxel is for surfaces, and films are written"}}) {
+    const Outcome outcome = exported(words);
+    EXPECT_EQ(outcome.exit_code, 2) << words;
+    EXPECT_TRUE(outcome.says(says)) << outcome.output;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("out")));
+}
+
+TEST_F(ExportVerb, TheSummaryDoesNotReplaceAFrame) {
+  std::filesystem::create_directory(folder_.file("out"));
+  const std::string link = folder_.file("link.json");
+  std::filesystem::create_symlink(folder_.file("out/run_0001.ply"), link);
+  for (const auto& [words, file] : std::vector<std::pair<std::string, std::string>>{
+           {"-f ply", folder_.file("out/run_0000.ply")},
+           {"-f ply", folder_.file("out/../out/run_0003.ply")},
+           {"-f ply", link},
+           {"-f vtp", folder_.file("out/run.pvd")},
+           {"-f usda", folder_.file("out/run.usda")},
+           {"-f obj --surface", folder_.file("out/run_surface_water_0002.obj")}}) {
+    const Outcome outcome = exported(words + " --json " + file);
+    EXPECT_EQ(outcome.exit_code, 2) << file << ": " << outcome.output;
+    EXPECT_TRUE(outcome.says("would overwrite the file of --json '")) << outcome.output;
+  }
+  EXPECT_TRUE(names_in(folder_.file("out")).empty());
+  EXPECT_EQ(exported("-f ply --json " + folder_.file("out.json")).exit_code, 0);
+}
+
 TEST_F(ExportVerb, NamesOfFiles) {
   const std::string odd = folder_.file("my stéps.h5");
   std::filesystem::copy(run_, odd);
