@@ -13,15 +13,17 @@
 
 namespace graupel::sparsegrid {
 
-/// Facts about one grid, for `graupel inspect`.
+/// Facts about one grid, for `graupel inspect`. Boxes of a grid without active voxels are zero, as are values of one
+/// that holds no numbers (vectors, points).
 struct GridFacts {
   std::string name, grid_class;
   double voxel = 0;  ///< [m]
   int64_t active_voxels = 0;
   int64_t bytes = 0;
-  Vec3i index_low, index_high;  ///< bounding box of the active voxels
-  Vec3d world_low, world_high;  ///< [m], in the grid's own frame
-  double background = 0;        ///< [m]
+  Vec3i index_low = {}, index_high = {};  ///< bounding box of the active voxels
+  Vec3d world_low = {}, world_high = {};  ///< [m], in the grid's own frame
+  bool holds_numbers = false;
+  double background = 0;  ///< [m]
   double min_value = 0, max_value = 0;
 };
 

@@ -30,6 +30,7 @@ void print(const char* text) {
 /// Plain system calls alone, as it runs in signal handlers.
 [[noreturn]] void end_process() {
   remove_unfinished_files();
+  if (policy_now == StopPolicy::usual_end) ::_exit(static_cast<int>(ExitCode::ok));
   print(program_invocation_short_name);
   print(": interrupted\n");
   ::_exit(static_cast<int>(ExitCode::interrupted));
@@ -38,7 +39,8 @@ void print(const char* text) {
 void act_on_stop() {
   const StopPolicy policy = policy_now;
   if (policy == StopPolicy::at_once) end_process();
-  if (policy == StopPolicy::within_a_second) ::setitimer(ITIMER_REAL, &grace, nullptr);
+  if (policy == StopPolicy::within_a_second || policy == StopPolicy::usual_end)
+    ::setitimer(ITIMER_REAL, &grace, nullptr);
 }
 
 extern "C" void remember_signal(int signal) {

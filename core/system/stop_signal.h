@@ -7,10 +7,11 @@
 namespace graupel {
 
 /// What the first SIGINT or SIGTERM does beside being remembered. A second one ends the process at once. Where a signal
-/// ends the process, unfinished files are removed, and the exit code is ExitCode::interrupted.
+/// ends the process, unfinished files are removed, and the exit code is ExitCode::interrupted, but of usual_end.
 enum class StopPolicy {
   finish,           ///< nothing: the work asks stop_signal() and saves what would be lost
   within_a_second,  ///< work that asks ends in its own way; where it has not ended after a second, the process ends
+  usual_end,        ///< the same for work that a signal always ends: with ExitCode::ok, and without a word
   at_once           ///< the process ends: for work that leaves nothing behind
 };
 

@@ -25,19 +25,23 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// What a grid has not is null: an empty one has no box, one of vectors or points no numbers.
 Json grid_json(const sparsegrid::GridFacts& g) {
+  const bool any = g.active_voxels > 0;
+  const auto corner = [any](const auto& x) { return any ? Json({x[0], x[1], x[2]}) : Json(); };
+  const auto number = [](double value, bool there) { return there ? Json(value) : Json(); };
   return {{"name", g.name},
           {"class", g.grid_class},
           {"voxel_m", g.voxel},
           {"active_voxels", g.active_voxels},
           {"bytes", g.bytes},
-          {"index_low", {g.index_low[0], g.index_low[1], g.index_low[2]}},
-          {"index_high", {g.index_high[0], g.index_high[1], g.index_high[2]}},
-          {"world_low_m", {g.world_low[0], g.world_low[1], g.world_low[2]}},
-          {"world_high_m", {g.world_high[0], g.world_high[1], g.world_high[2]}},
-          {"background_m", g.background},
-          {"min_m", g.min_value},
-          {"max_m", g.max_value}};
+          {"index_low", corner(g.index_low)},
+          {"index_high", corner(g.index_high)},
+          {"world_low_m", corner(g.world_low)},
+          {"world_high_m", corner(g.world_high)},
+          {"background_m", number(g.background, g.holds_numbers)},
+          {"min_m", number(g.min_value, any && g.holds_numbers)},
+          {"max_m", number(g.max_value, any && g.holds_numbers)}};
 }
 
 Json scene_facts(const std::string& file) {

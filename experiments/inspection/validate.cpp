@@ -10,6 +10,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/printable.h"
+#include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "experiments/comparison/floor_file.h"
 #include "experiments/data/scene_source.h"
@@ -135,6 +136,7 @@ void validate(ValidateOptions& options) {
     count += mistakes.size();
     for (const std::string& mistake : mistakes) std::printf("%s\n", printable(mistake).c_str());
     if (mistakes.empty()) std::printf("%s: ok\n", printable(file).c_str());
+    flush_standard_output();  // what is known by now is told, should the program be stopped
   }
   options.common.write_json(result);
   if (count > 0)

@@ -122,7 +122,8 @@ HttpRequest parse_http_request(std::string_view head) {
 std::optional<ByteRange> parse_byte_range(std::string_view field, uint64_t size) {
   if (field.empty()) return std::nullopt;
   const auto refuse = [&]() -> ByteRange {
-    throw HttpError(416, fmt::format("the range is not one of {} bytes (allowed: bytes=FIRST-LAST)", size));
+    throw HttpError(416, fmt::format("the range is not one of {} bytes (allowed: bytes=FIRST-LAST)", size),
+                    fmt::format("Content-Range: bytes */{}\r\n", size));
   };
   constexpr std::string_view unit = "bytes=";
   if (field.substr(0, unit.size()) != unit) return refuse();
@@ -142,11 +143,12 @@ std::optional<ByteRange> parse_byte_range(std::string_view field, uint64_t size)
 }
 
 std::string http_response_head(int status, const std::string& type, uint64_t size,
-                               const std::optional<ByteRange>& range, bool keep_alive) {
+                               const std::optional<ByteRange>& range, bool keep_alive, const std::string& more_fields) {
   std::string head = fmt::format("HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n", status,
                                  reason_of(status), type, range ? range->count : size);
   if (range)
     head += fmt::format("Content-Range: bytes {}-{}/{}\r\n", range->first, range->first + range->count - 1, size);
+  head += more_fields;
   // Nothing from elsewhere runs in the page or frames it, and its address, which holds the token, is told to nobody.
   head +=
       "Cache-Control: no-store\r\nAccept-Ranges: bytes\r\nX-Content-Type-Options: nosniff\r\n"

@@ -14,8 +14,10 @@ namespace graupel::experiments {
 
 /// What is answered instead of the thing asked for.
 struct HttpError : std::runtime_error {
-  HttpError(int code, const std::string& text) : std::runtime_error(text), status(code) {}
+  HttpError(int code, const std::string& text, std::string more_fields = "")
+      : std::runtime_error(text), status(code), fields(std::move(more_fields)) {}
   int status;
+  std::string fields;  ///< lines of the answer's head: "Allow: GET, POST\r\n"
 };
 
 struct HttpRequest {
@@ -49,8 +51,10 @@ class HttpContent {
   virtual void read(uint64_t first, std::span<std::byte> out) const = 0;
 };
 
-/// Status line and fields with the blank line; `range` of a content of `size` bytes makes it 206.
+/// Status line and fields, `more_fields` among them, with the blank line; `range` of a content of `size` bytes makes it
+/// 206.
 std::string http_response_head(int status, const std::string& type, uint64_t size,
-                               const std::optional<ByteRange>& range, bool keep_alive);
+                               const std::optional<ByteRange>& range, bool keep_alive,
+                               const std::string& more_fields = "");
 
 }  // namespace graupel::experiments

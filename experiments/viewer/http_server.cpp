@@ -58,6 +58,15 @@ bool send_text(int socket, int status, const std::string& type, const std::strin
   return send_all(socket, whole.data(), whole.size(), 0);
 }
 
+/// An answer to HEAD has no text.
+bool send_error(int socket, const HttpError& error, bool keep_alive, bool with_text = true) {
+  const std::string text = error.what(),
+                    head = http_response_head(error.status, "text/plain; charset=utf-8", text.size(), std::nullopt,
+                                              keep_alive, error.fields),
+                    whole = with_text ? head + text : head;
+  return send_all(socket, whole.data(), whole.size(), 0);
+}
+
 /// The first piece is made before anything is sent, so that its error can still be told.
 bool send_content(int socket, const HttpContent& content, const std::optional<ByteRange>& range,
                   const std::string& type, bool keep_alive) {
@@ -189,15 +198,15 @@ void HttpServer::serve(int socket) {
     for (std::string head; !(head = receive_head(socket, received)).empty();)
       if (!answer(socket, head)) return;
   } catch (const HttpError& error) {
-    send_text(socket, error.status, "text/plain; charset=utf-8", error.what(), false);
+    send_error(socket, error, /*keep_alive=*/false);
   }
 }
 
 /// Whether the connection stays open.
 bool HttpServer::answer(int socket, const std::string& head) {
   const HttpRequest request = parse_http_request(head);
-  const auto refuse = [&](int status, const std::string& text) {
-    return send_text(socket, status, "text/plain; charset=utf-8", text, request.keep_alive);
+  const auto refuse = [&](const HttpError& error) {
+    return send_error(socket, error, request.keep_alive, request.method != "HEAD");
   };
   bool sent = false;
   try {
@@ -208,9 +217,9 @@ bool HttpServer::answer(int socket, const std::string& head) {
     else
       sent = send_text(socket, response.status, response.type, response.text, request.keep_alive);
   } catch (const HttpError& error) {
-    sent = refuse(error.status, error.what());
+    sent = refuse(error);
   } catch (const std::exception& error) {
-    refuse(500, error.what());  // of content it may come in the middle: the connection ends
+    refuse(HttpError(500, error.what()));  // of content it may come in the middle: the connection ends
   }
   return sent && request.keep_alive;
 }

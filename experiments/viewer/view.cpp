@@ -12,6 +12,7 @@
 #include "core/system/error.h"
 #include "core/system/printable.h"
 #include "core/system/standard_output.h"
+#include "core/system/stop_signal.h"
 #include "experiments/process/process.h"
 #include "experiments/viewer/live_source.h"
 #include "experiments/viewer/recorded_source.h"
@@ -42,6 +43,8 @@ void check_files(const ViewOptions& options) {
   });
   if (!runs && !options.set.empty())
     throw ConfigError("--set changes a scene that is run, and no scene (.json) is given. Leave --set out");
+  if (!runs && options.common.seed_given)
+    throw ConfigError("--seed is of a scene that is run, and no scene (.json) is given. Leave --seed out");
 }
 
 }  // namespace
@@ -79,7 +82,9 @@ std::vector<std::string> Viewer::notes() const {
   return notes;
 }
 
-void view(ViewOptions& options) {
+namespace {
+
+void serve_until_stopped(ViewOptions& options) {
   const Device device = options.common.apply();
   std::vector<NamedFile> inputs;
   for (const std::string& file : options.files) inputs.push_back({"the file", file});
@@ -91,6 +96,16 @@ void view(ViewOptions& options) {
   flush_standard_output();
   std::fprintf(stderr, "Open this address in a browser of this machine. Ctrl-C ends the viewer\n");
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+}
+
+}  // namespace
+
+void view(ViewOptions& options) {
+  const StopPolicyScope ends_so(StopPolicy::usual_end);
+  try {
+    serve_until_stopped(options);
+  } catch (const StoppedError&) {  // while a file was read
+  }
 }
 
 }  // namespace graupel::experiments

@@ -107,7 +107,7 @@ HttpResponse ViewerRoutes::answer(const HttpRequest& request) const {
   const std::string rest = path.substr(slash + 1);
   if (request.method == "GET") return get(rest);
   if (request.method == "POST") return post(rest);
-  throw HttpError(405, "only GET and POST are answered");
+  throw HttpError(405, "only GET and POST are answered", "Allow: GET, POST\r\n");
 }
 
 HttpResponse ViewerRoutes::get(const std::string& path) const {

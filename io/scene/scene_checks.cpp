@@ -93,6 +93,16 @@ void check_body(const ConfigDocument& document, const char* list, std::size_t in
                "Give the direction of the axis, e.g. [0, 1, 0]");
 }
 
+void check_material_name(const ConfigPlace& place, const std::string& material, const std::vector<std::string>& names) {
+  std::string known;
+  for (const std::string& name : names) {
+    if (name == material) return;
+    known += (known.empty() ? "" : ", ") + name;
+  }
+  config_fail(place, "names no material of the scene (" + place.value() + ", there are: " + known + ")",
+              "Use one of them or add it to 'materials'." + did_you_mean(material, {names.begin(), names.end()}));
+}
+
 /// What sources and emitters have in common.
 void check_filled(const ConfigDocument& document, const char* list, std::size_t index, const Body& source,
                   const std::string& material, const Scene& scene) {
@@ -103,16 +113,9 @@ void check_filled(const ConfigDocument& document, const char* list, std::size_t 
   if (source.shape == Shape::vdb)
     config_fail(shape, "cannot be filled with material (\"vdb\" is for obstacles only)",
                 "Use a mesh or points, or make it an obstacle");
-  if (scene.materials.count(material)) return;
-  std::vector<std::string_view> names;
-  std::string known;
-  for (const auto& [name, config] : scene.materials) {
-    names.push_back(name);
-    known += (known.empty() ? "" : ", ") + name;
-  }
-  const ConfigPlace place = body_place(document, list, index, "material");
-  config_fail(place, "names no material of the scene (" + place.value() + ", there are: " + known + ")",
-              "Use one of them or add it to 'materials'." + did_you_mean(material, names));
+  std::vector<std::string> names;
+  for (const auto& [name, config] : scene.materials) names.push_back(name);
+  check_material_name(body_place(document, list, index, "material"), material, names);
 }
 
 void check_source(const ConfigDocument& document, std::size_t index, const Scene& scene) {
@@ -270,6 +273,27 @@ void load_geometry(ConfigDocument& document, const GeometryFinder& finder, Scene
   load("sources", scene.sources);
   load("emitters", scene.emitters);
   load("obstacles", scene.obstacles);
+}
+
+void check_named(ConfigDocument& document, const GeometryFinder& finder, Scene& scene) {
+  const auto is_text = [](const JsonNode* node) { return node != nullptr && node->kind == JsonNode::Kind::string; };
+  std::vector<std::string> names;
+  const JsonNode* const materials = document.root.find("materials");
+  const bool any_materials = materials != nullptr && materials->kind == JsonNode::Kind::object;
+  if (any_materials)
+    for (const JsonMember& material : materials->members) names.push_back(material.key);
+  const auto check = [&](const char* list, auto& bodies) {
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      const JsonNode& item = document.root.find(list)->items[i];
+      if (const JsonNode* material = item.find("material"); any_materials && is_text(material))
+        document.attempt(
+            [&] { check_material_name(body_place(document, list, i, "material"), material->text, names); });
+      if (is_text(item.find("file"))) document.attempt([&] { load_body(document, list, i, finder, bodies[i]); });
+    }
+  };
+  check("sources", scene.sources);
+  check("emitters", scene.emitters);
+  check("obstacles", scene.obstacles);
 }
 
 }  // namespace graupel::io

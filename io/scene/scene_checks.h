@@ -17,4 +17,8 @@ void check_scene(const ConfigDocument& document, const Scene& scene);
 /// points. Throws InputError for a file that is missing or damaged.
 void load_geometry(ConfigDocument& document, const GeometryFinder& finder, Scene& scene);
 
+/// Of a scene in which something was wrong when it was read: the materials and files that its bodies name, which depend
+/// on no other key. Puts what is wrong among the document's mistakes.
+void check_named(ConfigDocument& document, const GeometryFinder& finder, Scene& scene);
+
 }  // namespace graupel::io

@@ -220,7 +220,10 @@ std::vector<std::string> scene_mistakes(const std::string& path, const std::vect
   std::vector<std::string> mistakes;
   document.mistakes = &mistakes;
   Scene scene = read_config<Scene>(document);
-  if (!mistakes.empty()) return mistakes;  // the checks between keys would speak of defaults
+  if (!mistakes.empty()) {  // the checks between other keys would speak of defaults
+    check_named(document, SceneFolder(folder_of(path)), scene);
+    return mistakes;
+  }
   check_scene(document, scene);
   load_geometry(document, SceneFolder(folder_of(path)), scene);
   return mistakes;

@@ -140,6 +140,7 @@ SurfaceSize surface_of(const FloatGrid& grid) {
 
 template <typename GridType>
 void value_facts(const GridType& grid, GridFacts& facts) {
+  facts.holds_numbers = true;
   facts.background = static_cast<double>(grid.background());
   bool first = true;
   for (auto value = grid.cbeginValueOn(); value; ++value, first = false) {
@@ -193,9 +194,9 @@ GridFacts facts_of(const openvdb::GridBase& grid) {
   facts.active_voxels = static_cast<int64_t>(grid.activeVoxelCount());
   facts.bytes = static_cast<int64_t>(grid.memUsage());
   const auto box = grid.evalActiveVoxelBoundingBox();
-  facts.index_low = to_vec(box.min());
-  facts.index_high = to_vec(box.max());
   if (!box.empty()) {
+    facts.index_low = to_vec(box.min());
+    facts.index_high = to_vec(box.max());
     const auto world = grid.transform().indexToWorld(openvdb::BBoxd(box.min().asVec3d(), box.max().asVec3d()));
     facts.world_low = {world.min()[0], world.min()[1], world.min()[2]};
     facts.world_high = {world.max()[0], world.max()[1], world.max()[2]};

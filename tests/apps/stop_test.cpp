@@ -69,6 +69,19 @@ TEST_F(Stop, GridsAndPlacesOfManyObstacles) {
   EXPECT_EQ(half_files(), std::vector<std::string>());
 }
 
+TEST_F(Stop, TheViewerIsEndedSo) {
+  const std::string pipe = folder_.file("a.json");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string& arguments : {"view " + scene_ + long_frame, "view " + pipe}) {
+    Child child(folder_, arguments);
+    ASSERT_FALSE(child.ends_within(1)) << arguments << "\n" << child.errors();
+    child.send(SIGTERM);
+    ASSERT_TRUE(child.ends_within(soon)) << arguments;
+    EXPECT_EQ(child.exit_code(), 0) << arguments << "\n" << child.errors();
+    EXPECT_EQ(child.errors().find("interrupted"), std::string::npos) << arguments << "\n" << child.errors();
+  }
+}
+
 TEST_F(Stop, AnExport) {
   const std::string run = folder_.file("a.h5");
   ASSERT_EQ(graupel("simulate scenes/shared/water_steps.json --device cpu --frames 40 -o " + run).exit_code, 0);

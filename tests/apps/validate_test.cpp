@@ -1,5 +1,6 @@
 // graupel validate and graupel doctor.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
 
@@ -49,6 +50,35 @@ TEST_F(Validate, TellsAllMistakesOfAScene) {
   EXPECT_EQ(count_with(errors, "/sources/1/position must be a list of 3 numbers"), 1u);
   EXPECT_EQ(count_with(errors, "/frames must be a whole number"), 1u);
   EXPECT_EQ(errors.size(), 8u) << "mistakes that follow from others: " << errors.dump(1);
+}
+
+TEST_F(Validate, NamesThatLeadNowhereAreToldBesideOtherMistakes) {
+  const std::string file = folder_.write("both.json", R"({
+  "domain": { "foo": 2 },
+  "materials": { "water": { "preset": "taichi_water", "viscosity": "thick" } },
+  "sources": [
+    { "shape": "mesh", "file": "no.obj", "position": [0.5, 0.5, 0.5], "material": "zz" },
+    { "shape": "sphere", "radius": -1, "position": [0.5, 0.5, 0.5], "material": "water" }
+  ],
+  "obstacles": [ { "shape": "vdb", "file": "no.vdb", "scale": -1 } ]
+})");
+  const Json errors = report(file, 3)["files"][0]["errors"];
+  for (const char* part :
+       {"/domain/foo is not a known key", "/materials/water/viscosity must be a number",
+        "/sources/0/material names no material of the scene (\"zz\", there are: water)", "(\"no.obj\", looked for at",
+        "/sources/1/radius is out of range", "(\"no.vdb\", looked for at", "/obstacles/0/scale is out of range"})
+    EXPECT_EQ(count_with(errors, part), 1u) << part << "\n" << errors.dump(1);
+  EXPECT_EQ(errors.size(), 7u) << errors.dump(1);
+}
+
+TEST_F(Validate, WhatIsKnownIsToldWhenItIsStopped) {
+  const std::string good = folder_.write("good.json", read_file("scenes/shared/water_steps.json"));
+  const std::string pipe = folder_.file("pipe.json");  // nothing comes out of it
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const std::string said = folder_.file("said.txt");
+  run_program("/usr/bin/timeout",
+              "-s TERM 8 " GRAUPEL_BINARY_DIR "/graupel validate " + good + " " + pipe + " > " + said);
+  EXPECT_NE(read_file(said).find("good.json: ok"), std::string::npos);
 }
 
 TEST_F(Validate, TellsAllThatDoesNotFitTogether) {

@@ -13,6 +13,7 @@
 #include "core/system/stopwatch.h"
 #include "sparsegrid/mesh/mesh_topology.h"
 #include "sparsegrid/obstacle_set.h"
+#include "sparsegrid/vdb/vdb_grids.h"
 #include "tests/sparsegrid/test_scenes.h"
 
 namespace graupel::sparsegrid {
@@ -179,6 +180,22 @@ TEST(ObstacleChecks, AFilledVdbFileIsRefused) {
   EXPECT_LT(std::filesystem::file_size(file), 1000000u);
   expect_refusal<InputError>(with_file(file, 0.01), "134217728 active voxels");
   std::filesystem::remove(file);
+}
+
+TEST(VdbFacts, AnEmptyGridHasNoBoxAndVectorsNoNumbers) {
+  initialize_openvdb();
+  const std::string path = file_in_temp("empty.vdb");
+  openvdb::io::File(path).write({openvdb::FloatGrid::create(0.5f), openvdb::Vec3SGrid::create()});
+  const std::vector<GridFacts> facts = inspect_vdb(path);
+  ASSERT_EQ(facts.size(), 2u);
+  for (const GridFacts& grid : facts) {
+    EXPECT_EQ(grid.active_voxels, 0);
+    EXPECT_EQ(grid.index_low, (Vec3i{0, 0, 0}));
+    EXPECT_EQ(grid.index_high, (Vec3i{0, 0, 0}));
+    EXPECT_EQ(grid.world_low, (Vec3d{0, 0, 0}));
+    EXPECT_EQ(grid.world_high, (Vec3d{0, 0, 0}));
+  }
+  EXPECT_EQ(facts[0].holds_numbers + facts[1].holds_numbers, 1);
 }
 
 }  // namespace

@@ -41,6 +41,8 @@ sparsegrid::LocalBox bounds_of(const RecipeGeometry& geometry) {
   if (grids.empty()) throw InputError("'" + geometry.file + "' holds no grid. Name a .vdb file with a level set");
   // The active voxels reach a band beyond the surface, less than a voxel short of the background's distance.
   const sparsegrid::GridFacts& grid = grids.front();
+  if (grid.active_voxels == 0)
+    throw InputError("the first grid of '" + geometry.file + "' is empty (0 active voxels). Name another .vdb file");
   const Vec3d band = Vec3d::filled(std::max(0.0, grid.background - grid.voxel));
   return {grid.world_low + band, grid.world_high - band};
 }
