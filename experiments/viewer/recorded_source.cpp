@@ -9,7 +9,7 @@
 #include <unordered_set>
 
 #include "core/system/error.h"
-#include "io/scene/scene_reader.h"
+#include "experiments/export/particle_sizes.h"
 
 namespace graupel::experiments {
 
@@ -65,15 +65,12 @@ RecordedSource::RecordedSource(const std::string& file, int trajectory) : reader
   facts_.name = std::filesystem::path(file).filename().string();
   if (reader_.count() > 1) facts_.name += fmt::format(" [{}]", trajectory);
   facts_.made_by = header.made_by;
+  if (!header.scene_json.empty()) take_scene(header, file);
   facts_.particle_type = std::move(header.particle_type);
   facts_.materials = std::move(header.materials);
   for (const ParticleFrame& frame : header.frames) facts_.times.push_back(frame.time);
-  if (header.diverged_at_frame >= 0) facts_.note = fmt::format("diverged at frame {}", header.diverged_at_frame);
-  if (!header.scene_json.empty()) try {
-      set_scene(facts_, io::parse_stored_scene(header.scene_json, file + " (its scene)", file));
-    } catch (const Error& error) {
-      facts_.note = std::string("its scene is not shown: ") + error.what();
-    }
+  if (header.diverged_at_frame >= 0 && facts_.note.empty())
+    facts_.note = fmt::format("diverged at frame {}", header.diverged_at_frame);
   if (!facts_.scene) find_box_and_spacing();
   const auto frame_bytes = static_cast<int64_t>(12 * facts_.particle_type.size());
   most_at_once_ = std::clamp<int64_t>(bytes_at_once / frame_bytes, 1, most_frames_at_once);
@@ -84,6 +81,18 @@ RecordedSource::RecordedSource(const std::string& file, int trajectory) : reader
 RecordedSource::~RecordedSource() {
   stop();
   thread_.join();
+}
+
+/// Particles are drawn as wide as the widest is, also those that a rollout refined.
+void RecordedSource::take_scene(const Trajectory& header, const std::string& file) {
+  const StoredScene stored = stored_scene(header.scene_json, file);
+  if (!stored.whole) {
+    facts_.note = "its scene is not shown: " + stored.problem;
+    return;
+  }
+  set_scene(facts_, *stored.whole);
+  const std::vector<float> sizes = particle_sizes(stored, header);
+  if (!sizes.empty()) facts_.spacing = *std::max_element(sizes.begin(), sizes.end());
 }
 
 /// Of a file without a scene: what particles take in the first, middle and last frame.

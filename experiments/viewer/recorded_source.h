@@ -35,6 +35,7 @@ class RecordedSource : public FrameSource {
   };
 
   int64_t frame_count() const { return static_cast<int64_t>(facts_.times.size()); }
+  void take_scene(const Trajectory& header, const std::string& file);
   void find_box_and_spacing();
   Record wait_for(int64_t frame);
   Record recent(int64_t frame) const;

@@ -157,6 +157,21 @@ TEST_F(View, TwoMaterialsOfALawHaveTheirOwnColours) {
   }
 }
 
+TEST_F(View, RefinedPointsAreDrawnSmaller) {
+  const auto radius_of = [&](const std::string& name, const std::string& options) {
+    const std::string made = file(name);
+    EXPECT_EQ(
+        graupel("rollout models/nsf-sand.safetensors scenes/shared/sand_column.json --frames 1 -o " + made + options)
+            .exit_code,
+        0);
+    ViewProgram program({made});
+    Client client(program.port());
+    return side_of(client.ask(program.root() + "facts.json").body, 0).at("radius").get<double>();
+  };
+  const double coarse = radius_of("coarse.h5", "");
+  EXPECT_NEAR(radius_of("refined.h5", " --refine 8"), coarse / 2, 0.02 * coarse);
+}
+
 TEST_F(View, ASceneRunsAsSimulateDoes) {
   ViewProgram program({file("small.json"), "--device", "cpu"});
   Client client(program.port());
