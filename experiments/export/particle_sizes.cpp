@@ -89,7 +89,7 @@ std::vector<float> particle_sizes(const StoredScene& stored, const Trajectory& h
   const Scene& scene = *stored.best();
   if (scene.sources.empty() && scene.emitters.empty()) return {};
   if (stored.whole && !has_one_size(scene, header)) {
-    const std::vector<float> sizes = sizes_of_sampled(scene, header);
+    std::vector<float> sizes = sizes_of_sampled(scene, header);
     if (!sizes.empty()) return sizes;
   }
   return sizes_of_materials(scene, header);
