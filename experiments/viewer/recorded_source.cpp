@@ -9,7 +9,7 @@
 #include <unordered_set>
 
 #include "core/system/error.h"
-#include "experiments/export/particle_sizes.h"
+#include "experiments/data/particle_sizes.h"
 
 namespace graupel::experiments {
 

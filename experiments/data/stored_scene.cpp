@@ -1,4 +1,4 @@
-#include "experiments/export/stored_scene.h"
+#include "experiments/data/stored_scene.h"
 
 #include "core/system/error.h"
 #include "io/scene/scene_reader.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/scene/trajectory.h"
-#include "experiments/export/stored_scene.h"
+#include "experiments/data/stored_scene.h"
 #include "io/export/export.h"
 
 namespace graupel::experiments {

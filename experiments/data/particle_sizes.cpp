@@ -1,4 +1,4 @@
-#include "experiments/export/particle_sizes.h"
+#include "experiments/data/particle_sizes.h"
 
 #include <algorithm>
 #include <cmath>
