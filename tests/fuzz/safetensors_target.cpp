@@ -18,9 +18,9 @@ namespace graupel::fuzz {
 namespace {
 
 constexpr double seed_frame_time = 1.0 / 60, seed_dx = 1.0 / 16;  ///< of the networks in corpus/safetensors
-/// libFuzzer's build has a smaller box [m], since two thirds of the time of replaying went to the box's cells, and reads
-/// networks of finer cells [m] without rolling them out: its sanitizers make a second of their millions of cells a
-/// minute.
+/// libFuzzer's build has a smaller box [m], since two thirds of the time of replaying went to the box's cells, and
+/// reads networks of finer cells [m] without rolling them out: its sanitizers make a second of their millions of cells
+/// a minute.
 #ifdef GRAUPEL_LIBFUZZER
 constexpr double edge = 0.5, least_spacing = 0.01;
 #else
