@@ -94,7 +94,7 @@ void give_up_if_stopped() {
 }
 
 int saved_exit_code() {
-  if (caught == SIGINT) return static_cast<int>(ExitCode::interrupted);
+  if (ends_process(caught)) return static_cast<int>(ExitCode::interrupted);
   return caught == SIGUSR1 ? start_again_exit_code : 0;
 }
 

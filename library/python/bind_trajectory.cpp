@@ -290,6 +290,16 @@ void bind_trajectory(nb::module_& module) {
       .def("__len__", [](const OpenFile& file) { return file.reader.count(); })
       .def(
           "__getitem__",
+          [](const std::shared_ptr<OpenFile>& file, const nb::slice& slice) {
+            const auto [start, stop, step, length] = slice.compute(static_cast<std::size_t>(file->reader.count()));
+            nb::list trajectories;
+            for (std::size_t i = 0; i < length; ++i)
+              trajectories.append(trajectory_of(file, start + static_cast<int64_t>(i) * step));
+            return trajectories;
+          },
+          "index"_a, nb::sig("def __getitem__(self, index: slice) -> list[Trajectory]"))
+      .def(
+          "__getitem__",
           [](const std::shared_ptr<OpenFile>& file, int64_t index) { return trajectory_of(file, index); }, "index"_a)
       .def("__iter__", &iterator_over, nb::sig("def __iter__(self) -> Iterator[Trajectory]"))
       .def_prop_ro("complete", [](const OpenFile& file) { return file.reader.complete(); });

@@ -12,7 +12,7 @@ most_findings=20 # of a process, which then ends
 export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # Little freed memory is kept from reuse: more than a processor's cache takes a third of the time.
 export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=0:quarantine_size_mb=2:thread_local_quarantine_size_kb=128
-ASAN_OPTIONS+=:max_malloc_fill_size=0:malloc_context_size=4
+ASAN_OPTIONS+=:max_malloc_fill_size=0:malloc_context_size=1
 export UBSAN_OPTIONS=print_stacktrace=1
 [ ! -w /dev/shm ] || export TMPDIR=/dev/shm
 

@@ -30,6 +30,9 @@ class VerbsTest(unittest.TestCase):
         self.assertEqual(len(data), 2)
         self.assertTrue(data.complete)
         self.assertEqual(len(data[1]), 5)
+        self.assertEqual([t.positions[0].tolist() for t in data[::-1]],
+                         [data[i].positions[0].tolist() for i in (1, 0)])
+        self.assertEqual(data[2:], [])
         self.assertTrue(np.isfinite(data[1].positions[4]).all())
 
     def test_models_are_compared(self):

@@ -139,6 +139,8 @@ TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
   ASSERT_EQ(cost.training.size(), 1u);
   EXPECT_GT(cost.training[0].seconds, 0);
   EXPECT_EQ(cost.training[0].device, hardware_name(Device::cpu, 1));
+  EXPECT_EQ(run({"nsf", "--data", data, "--out", folder_ + "/nsf"}), 2);
+  EXPECT_NE(log().find("holds a run already"), std::string::npos) << log();
   remove_path(data);
 }
 
@@ -153,7 +155,7 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
             folder_ + "/log");
   for (int i = 0; i < 600 && !has_checkpoint(out); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   ::kill(child, SIGTERM);
-  EXPECT_EQ(finish(child), 0) << log();
+  EXPECT_EQ(finish(child), 130) << log();
   EXPECT_NE(log().find("graupel train crom --resume " + out), std::string::npos) << log();
   EXPECT_FALSE(fs::exists(out + "/weights.safetensors"));
   EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
@@ -198,6 +200,10 @@ TEST_F(Program, CoarseModelsTellTheirOfflineCost) {
   const nn::OfflineCost second = trained("/second", {"--from", folder_ + "/first/weights.safetensors"});
   ASSERT_EQ(second.training.size(), 2u);
   EXPECT_DOUBLE_EQ(*second.training[0].seconds, *first.training[0].seconds);
+  std::vector<std::string> again = words;
+  again.push_back(folder_ + "/second");
+  EXPECT_EQ(run(again), 2);
+  EXPECT_NE(log().find("holds a run already (weights.safetensors)"), std::string::npos) << log();
 }
 
 TEST_F(Program, TrainsGoesOnWithAndEvaluatesAGns) {
@@ -252,8 +258,8 @@ TEST_F(Program, RefusesWeightsOfAnotherArchitecture) {
   EXPECT_NE(log().find("segnn"), std::string::npos);
 }
 
-TEST_F(Program, SigtermSavesAndEndsWell) {
-  EXPECT_EQ(interrupt("term", SIGTERM), 0) << log();
+TEST_F(Program, SigtermSavesAndEndsWith130) {
+  EXPECT_EQ(interrupt("term", SIGTERM), 130) << log();
   EXPECT_NE(log().find("--resume"), std::string::npos);
   EXPECT_TRUE(fs::exists(folder_ + "/term/weights.safetensors"));
 }

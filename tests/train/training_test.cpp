@@ -280,6 +280,50 @@ TEST(Training, DivergenceIsReported) {
   options.config.learning_rate = 1e18;
   options.config.clip_norm = 0;
   EXPECT_THROW(train_network(options), DivergedError);
+  // Also where no step is reported before the next checkpoint: that holds no weights that are none.
+  options = tiny_options(folder + "/quiet");
+  options.config.learning_rate = 1e18;
+  options.config.clip_norm = 0;
+  options.config.log_interval = 1000;
+  options.config.checkpoint_interval = 10;
+  EXPECT_THROW(train_network(options), DivergedError);
+  EXPECT_TRUE(fs::is_empty(checkpoint_folder(folder + "/quiet")));
+  options.run = folder + "/short";
+  options.stop_step = 9;
+  EXPECT_THROW(train_network(options), DivergedError);
+  EXPECT_FALSE(fs::exists(folder + "/short/weights.safetensors"));
+  remove_path(folder);
+}
+
+TEST(Training, StartsFromItsWeightsAgainWhereItWasKilledBeforeItsFirstCheckpoint) {
+  const std::string folder = test_folder("from");
+  TrainingOptions options = tiny_options(folder + "/first");
+  options.config.steps = 5;
+  const std::string weights = train_network(options).weights_file;
+  options = tiny_options(folder + "/whole");
+  options.from = weights;
+  train_network(options);
+  for (const bool before_normalization : {false, true}) {
+    const std::string run = folder + (before_normalization ? "/earlier" : "/killed");
+    options = tiny_options(run);
+    options.from = weights;
+    options.stop_step = 2;
+    train_network(options);
+    remove_path(checkpoint_folder(run));
+    fs::create_directory(checkpoint_folder(run));
+    if (before_normalization) fs::remove(run + "/normalization.safetensors");
+    options = tiny_options(run);
+    options.resume = true;
+    train_network(options);
+    expect_equal_states(folder + "/whole", run, "step-00000020");
+  }
+  fs::remove(folder + "/killed/normalization.safetensors");
+  options.run = folder + "/killed";
+  EXPECT_THROW(train_network(options), InputError);  // of its checkpoints
+  fs::remove_all(checkpoint_folder(options.run));
+  fs::create_directory(checkpoint_folder(options.run));
+  fs::copy_file(folder + "/whole/weights.safetensors", weights, fs::copy_options::overwrite_existing);
+  EXPECT_THROW(train_network(options), ConfigError);  // other weights
   remove_path(folder);
 }
 
@@ -343,9 +387,12 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   options.resume = true;
   options.config.learning_rate = 1e-5;
   EXPECT_THROW(train_network(options), ConfigError);
-  EXPECT_EQ(fs::path(latest_run(folder)).filename(), "run");
+  fs::create_directory(folder + "/later");
+  write_file_atomically(folder + "/later/config.json", R"({"field": "factored"})");  // of a reduced model
+  EXPECT_EQ(fs::path(latest_run(folder, Architecture::hgn)).filename(), "run");
+  EXPECT_THROW(latest_run(folder, Architecture::gns), InputError);
   EXPECT_EQ(read_run_facts(folder + "/run").data, fs::path(tiny_data_set()).lexically_normal());
-  EXPECT_THROW(latest_run(folder + "/none"), InputError);
+  EXPECT_THROW(latest_run(folder + "/none", Architecture::hgn), InputError);
   EXPECT_THROW(read_run_config(folder), InputError);
   remove_path(folder);
 }

@@ -47,6 +47,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
                     "\"categories\"). Name one, such as scenes/recipes/general.json",
                     arguments.recipe));
   check_run_outputs({{"the recipe", arguments.recipe}, {"the weights", arguments.from}}, arguments.out, arguments.json);
+  check_new_run(arguments.out);
   CoarseTrainingOptions options = arguments.training;
   options.recipe = io::read_category_recipe(arguments.recipe);
   options.device = parse_device(arguments.device);

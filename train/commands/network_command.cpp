@@ -85,8 +85,9 @@ void prepare_resume(NetworkArguments& arguments, TrainingOptions& options) {
     throw ConfigError(
         "a resumed run keeps its settings (--preset, --config, --set, --steps, --from, --teacher and --seed are for "
         "new runs). Leave them out");
-  arguments.out =
-      arguments.resume == "latest" ? latest_run(arguments.out.empty() ? "runs" : arguments.out) : arguments.resume;
+  arguments.out = arguments.resume == "latest"
+                      ? latest_run(arguments.out.empty() ? "runs" : arguments.out, arguments.architecture)
+                      : arguments.resume;
   options.resume = true;
   options.config = read_run_config(arguments.out);
   if (options.config.architecture != arguments.architecture)

@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "core/system/stop_signal.h"
 #include "train/commands/reduced_command.h"
+#include "train/loop/run_folder.h"
 #include "train/parallel/rank_environment.h"
 #include "train/reduced/mlp_training.h"
 #include "train/reduced/nsf_training.h"
@@ -34,6 +35,8 @@ void train_modes(const ReducedArguments& arguments, const NsfConfig& config, con
     throw ConfigError(
         "--resume, --time-limit and --device cuda are for networks (field=factored takes seconds on the CPU). Leave "
         "them out, or --set field=mlp");
+  check_new_run(arguments.out);
+  catch_stop_signals(StopPolicy::within_a_second);
   NsfTrainingOptions options;
   options.data = arguments.data;
   options.config = config;

@@ -21,6 +21,7 @@ void check_run_outputs(const std::vector<NamedFile>& inputs, const std::string& 
   std::error_code code;
   if (!run.empty() && std::filesystem::exists(run, code) && !std::filesystem::is_directory(run, code))
     throw IoError("the run cannot be written to '" + run + "' (it is a file). Name a folder");
+  check_output_folder(run);
   std::vector<NamedFile> outputs = {{"--json", json}};
   if (!run.empty())
     for (const char* name : {"config.json", "run.json", "command.txt", "log.txt", "normalization.safetensors",

@@ -41,6 +41,13 @@ std::string run_config_hash(const std::string& folder) {
   return config_hash(io::write_json(io::parse_json(read_file(file), file), io::JsonLayout::compact));
 }
 
+void check_new_run(const std::string& folder) {
+  for (const char* file : {"config.json", "weights.safetensors"})
+    if (fs::exists(folder + "/" + file))
+      throw ConfigError("'" + folder + "' holds a run already (" + file +
+                        "). Go on with it by --resume (coarse: --from), or choose another --out");
+}
+
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
                 const std::string& command_line) {
   create_run(folder, train_config_text(config), facts, command_line);
@@ -48,8 +55,7 @@ void create_run(const std::string& folder, const TrainConfig& config, const RunF
 
 void create_run(const std::string& folder, const std::string& config_text, const RunFacts& facts,
                 const std::string& command_line) {
-  if (fs::exists(folder + "/config.json"))
-    throw ConfigError("'" + folder + "' holds a run already. Go on with it by --resume, or choose another --out");
+  check_new_run(folder);
   make_folder(folder);
   make_folder(checkpoint_folder(folder));
   utsname host{};
@@ -60,6 +66,10 @@ void create_run(const std::string& folder, const std::string& config_text, const
       {"host", host.nodename},    {"kernel", host.release},
       {"compiler", __VERSION__},  {"torch", facts.torch},
       {"graupel", facts.version}, {"start_cost", nlohmann::ordered_json::parse(nn::offline_cost_json(facts.start))}};
+  if (!facts.from.empty()) {
+    environment["from"] = facts.from;
+    environment["from_hash"] = facts.from_hash;
+  }
   if (!facts.teacher.empty()) {
     environment["teacher"] = facts.teacher;
     environment["teacher_hash"] = facts.teacher_hash;
@@ -86,6 +96,8 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.version = json.value("graupel", "");
   facts.threads = json.value("threads", 0);
   facts.ranks = json.value("ranks", 1);
+  facts.from = json.value("from", "");
+  facts.from_hash = json.value("from_hash", "");
   facts.teacher = json.value("teacher", "");
   facts.teacher_hash = json.value("teacher_hash", "");
   const auto start = json.find("start_cost");
@@ -94,19 +106,35 @@ RunFacts read_run_facts(const std::string& folder) {
   return facts;
 }
 
-std::string latest_run(const std::string& folder) {
+namespace {
+
+/// Runs of reduced models have no such setting.
+bool is_run_of(Architecture architecture, const std::string& config) {
+  try {
+    const nlohmann::json json = nlohmann::json::parse(read_file(config), nullptr, true, /*ignore_comments=*/true);
+    return json.is_object() && json.value("architecture", "") == word_of(architecture);
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+std::string latest_run(const std::string& folder, Architecture architecture) {
   std::string latest;
   fs::file_time_type newest;
   for (const std::string& name : names_in(folder)) {
     const std::string run = folder + "/" + name, config = run + "/config.json", metrics = run + "/metrics.csv";
-    if (!fs::exists(config)) continue;
+    if (!fs::exists(config) || !is_run_of(architecture, config)) continue;
     const auto time = fs::last_write_time(fs::exists(metrics) ? metrics : config);
     if (latest.empty() || time > newest) {
       latest = run;
       newest = time;
     }
   }
-  if (latest.empty()) throw InputError("there is no training run in '" + folder + "'. Name the run: --resume RUN");
+  if (latest.empty())
+    throw InputError("there is no training run of " + std::string(word_of(architecture)) + " in '" + folder +
+                     "'. Name the run: --resume RUN");
   return latest;
 }
 

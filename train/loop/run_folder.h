@@ -20,6 +20,8 @@ struct RunFacts {
   int threads = 0;                ///< of each rank
   int ranks = 1;                  ///< processes that the run was started with
   nn::OfflineCost start = {};     ///< of the weights that it starts from and of its teacher; none without them
+  std::string from = {};          ///< weights file that it starts from, absolute; "": fresh weights
+  std::string from_hash = {};     ///< file_hash() of it
   std::string teacher = {};       ///< weights file, absolute; "": none
   std::string teacher_hash = {};  ///< file_hash() of it
 };
@@ -36,7 +38,9 @@ std::string config_hash(const std::string& config_json);
 /// further settings, too.
 std::string run_config_hash(const std::string& folder);
 
-/// Makes the folder of a new run. Throws ConfigError when it holds a run already.
+/// Throws ConfigError when the folder holds a run already, of whatever kind.
+void check_new_run(const std::string& folder);
+/// Makes the folder of a new run; as check_new_run().
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
                 const std::string& command_line);
 /// The same with the text of config.json.
@@ -45,8 +49,9 @@ void create_run(const std::string& folder, const std::string& config_text, const
 /// Settings and facts of an existing run. Throws InputError when `folder` is none.
 TrainConfig read_run_config(const std::string& folder);
 RunFacts read_run_facts(const std::string& folder);
-/// The run below `folder` that was written to last. Throws InputError when there is none.
-std::string latest_run(const std::string& folder);
+/// The run of a network of `architecture` below `folder` that was written to last. Throws InputError when there is
+/// none.
+std::string latest_run(const std::string& folder, Architecture architecture);
 
 void write_run_normalization(const std::string& folder, const graph::Normalization& normalization);
 graph::Normalization read_run_normalization(const std::string& folder);

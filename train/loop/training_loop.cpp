@@ -40,6 +40,11 @@ nn::OfflineCost cost_of(const std::string& file) {
   return nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
 }
 
+DivergedError diverged(const std::string& what, int64_t step) {
+  return DivergedError("training diverged (" + what + " no longer a number by step " + std::to_string(step) +
+                       "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+}
+
 /// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
 int64_t agreement_interval(Device device) { return device == Device::cuda ? 10 : 1; }
 
@@ -70,10 +75,11 @@ class TrainingRun {
   void begin_run();
   /// Of which samples of `bundle` frames are drawn, after `push_steps` bundles of the network's own.
   std::unique_ptr<DataSplit> open(const std::string& name, int64_t bundle, int64_t push_steps) const;
-  void prepare_normalization();
-  void start_from_weights();
+  void prepare_normalization(bool at_start);
+  void start_from_weights(const std::string& from);
   nn::OfflineCost cost_of_start() const;
-  void restore();
+  /// False where there is no checkpoint yet.
+  bool restore();
   std::unique_ptr<TrainingSteps> make_steps();
   StopReason train(TrainingSteps& steps);
   void look_at_clock();
@@ -82,6 +88,7 @@ class TrainingRun {
   std::optional<StopReason> after_step();
   void report();
   void validate();
+  void check_weights() const;
   void save_checkpoint();
   std::string export_weights() const;
   double seconds() const { return state_.seconds + seconds_since(start_); }
@@ -145,6 +152,8 @@ void TrainingRun::begin_run() {
         options_.run, config_,
         {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(), options_.version,
          options_.threads, comm_.size(), cost_of_start(),
+         options_.from.empty() ? "" : fs::absolute(options_.from).lexically_normal().string(),
+         options_.from.empty() ? "" : file_hash(options_.from),
          teacher_ ? fs::absolute(teacher_->file).lexically_normal().string() : "", teacher_ ? teacher_->hash : ""},
         options_.command_line);
   else
@@ -153,8 +162,8 @@ void TrainingRun::begin_run() {
   if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
     state_.config_hash = run_config_hash(options_.run);
   if (teacher_) say("learns from '" + teacher_->file + "'");
-  prepare_normalization();
-  if (options_.resume) restore();
+  const bool goes_on = options_.resume && restore();
+  prepare_normalization(!goes_on);
   metrics_.emplace(options_.run, metric_columns(), state_.step);
 }
 
@@ -179,24 +188,37 @@ std::unique_ptr<DataSplit> TrainingRun::open(const std::string& name, int64_t bu
   return std::make_unique<DataSplit>(options_.data + "/" + name, split);
 }
 
-void TrainingRun::prepare_normalization() {
-  if (options_.resume && fs::exists(options_.run + "/normalization.safetensors")) {
+/// Of a run without a checkpoint (`at_start`) also the weights that it starts from: it may have been killed before its
+/// first one.
+void TrainingRun::prepare_normalization(bool at_start) {
+  const RunFacts facts = read_run_facts(options_.run);
+  const std::string file = options_.run + "/normalization.safetensors";
+  const bool is_stored = options_.resume && fs::exists(file);
+  if (at_start && !facts.from.empty()) {
+    if (file_hash(facts.from) != facts.from_hash)
+      throw ConfigError("'" + options_.run +
+                        "' has no checkpoint yet, and the bytes of the weights that it began with ('" + facts.from +
+                        "') have changed. Put them back, or start a new run");
+    start_from_weights(facts.from);
+  } else if (is_stored) {
     normalization_ = read_run_normalization(options_.run);
     return;
-  }
-  if (options_.from.empty())
+  } else if (!facts.from.empty()) {
+    throw InputError("'" + file +
+                     "' is not there, which the weights of the checkpoints go with. Put it back, or start "
+                     "a new run");
+  } else {
     normalization_ = train_->statistics(config_.noise_std, options_.threads);
-  else
-    start_from_weights();
+  }
   write_run_normalization(options_.run, normalization_);
 }
 
-void TrainingRun::start_from_weights() {
-  const nn::Weights weights = starting_weights(options_.from, config_.network());
+void TrainingRun::start_from_weights(const std::string& from) {
+  const nn::Weights weights = starting_weights(from, config_.network());
   // What the weights mean depends on the statistics that they were trained with.
   normalization_ = graph::read_normalization(weights);
   for (const StateArray array : {StateArray::weights, StateArray::ema}) module_.set_state(array, weights);
-  say("starts from '" + options_.from + "'");
+  say("starts from '" + from + "'");
 }
 
 /// Of the weights that the run starts from, and of the teacher.
@@ -210,15 +232,16 @@ nn::OfflineCost TrainingRun::cost_of_start() const {
   return cost;
 }
 
-void TrainingRun::restore() {
+bool TrainingRun::restore() {
   const auto checkpoint = checkpoint_to_resume(checkpoint_folder(options_.run), state_.config_hash,
                                                [this](const std::string& text) { say(text); });
-  if (!checkpoint) return;
+  if (!checkpoint) return false;
   state_ = checkpoint->state;
   saved_step_ = state_.step;
   for (const StateArray array : all_state_arrays) module_.set_state(array, checkpoint->arrays.at(name_of(array)));
   say("resumed at step " + std::to_string(state_.step) +
       (comm_.alone() ? "" : " on " + std::to_string(comm_.size()) + " ranks"));
+  return true;
 }
 
 std::unique_ptr<TrainingSteps> TrainingRun::make_steps() {
@@ -253,6 +276,7 @@ std::optional<StopReason> TrainingRun::after_step() {
   if (state_.step % config_.validation_interval == 0) validate();
   if (state_.step % config_.checkpoint_interval == 0) {
     module_.share_state(comm_);  // ranks whose machines or threads round otherwise do not drift apart
+    check_weights();
     save_checkpoint();
   }
   return stop_reason();
@@ -272,6 +296,7 @@ TrainingResult TrainingRun::execute() {
     if (!comm_.leads()) throw;
     throw GpuMemoryError(std::string(error.what()) + ". A new run goes on with --from " + export_weights());
   }
+  check_weights();
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;
   if (reason != StopReason::stopped && !measured) validate();
@@ -302,9 +327,7 @@ StepSettings TrainingRun::step_settings() const {
 
 void TrainingRun::report() {
   const StepMeans means = module_.take_means();
-  if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm))
-    throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
-                        "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm)) throw diverged("the loss is", state_.step);
   if (!comm_.leads()) return;
   state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
   TrainingProgress progress;
@@ -359,6 +382,13 @@ void TrainingRun::validate() {
     saved_step_ = -1;
     save_checkpoint();
   }
+}
+
+/// Steps since the last report may have diverged. On every rank, since all of them must end.
+void TrainingRun::check_weights() const {
+  for (const auto& [name, tensor] : module_.state(StateArray::weights).tensors)
+    for (const float value : tensor.as_float())
+      if (!std::isfinite(value)) throw diverged("weights of '" + name + "' are", state_.step);
 }
 
 void TrainingRun::save_checkpoint() {
