@@ -90,8 +90,13 @@ Batch& Batch::operator=(Batch&&) noexcept = default;
 Batch::~Batch() = default;
 
 std::size_t Batch::size() const { return impl_->scenes.size(); }
-const Scene& Batch::scene(std::size_t i) const { return impl_->scenes.at(i); }
+const Scene& Batch::scene(std::size_t i) const {
+  if (i >= size())
+    throw ConfigError(fmt::format("the batch has no scene {} (allowed: 0 to {}). Ask for one of them", i, size() - 1));
+  return impl_->scenes[i];
+}
 std::span<const int32_t> Batch::particle_type(std::size_t i) const {
+  scene(i);  // throws
   return impl_->run->particle_type(static_cast<int>(i));
 }
 
@@ -107,12 +112,14 @@ bool Batch::advance_frame(const std::function<bool()>& stop) {
 int64_t Batch::frames_done() const { return impl_->frames_done; }
 
 std::optional<std::string> Batch::divergence(std::size_t i) const {
+  const Scene& of = scene(i);
   std::optional<std::string> reason = impl_->run->divergence(static_cast<int>(i));
   if (!reason) return reason;
-  return name_of(i, scene(i)) + ": " + *reason;
+  return name_of(i, of) + ": " + *reason;
 }
 
 std::shared_ptr<const ParticleFrame> Batch::frame(std::size_t i, FieldSet wanted) const {
+  scene(i);  // throws
   Impl::Frames& frames = impl_->frames[wanted.names()];
   if (frames.empty())
     for (ParticleFrame& frame : impl_->run->frames(wanted))
@@ -121,6 +128,7 @@ std::shared_ptr<const ParticleFrame> Batch::frame(std::size_t i, FieldSet wanted
 }
 
 std::shared_ptr<const float> Batch::on_device(std::size_t i, ParticleQuantity what) const {
+  scene(i);  // throws
   std::vector<std::shared_ptr<const float>>& rows = impl_->on_device[what];
   if (rows.empty()) rows = impl_->run->rows(what);
   return rows.at(i);

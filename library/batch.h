@@ -35,6 +35,7 @@ class Batch {
   ~Batch();
 
   std::size_t size() const;
+  /// This and what follows throw ConfigError for a scene that the batch does not have.
   const Scene& scene(std::size_t i) const;
   std::span<const int32_t> particle_type(std::size_t i) const;
 

@@ -1,5 +1,6 @@
 #include "library/rom.h"
 
+#include "core/scene/checks/range_check.h"
 #include "experiments/models/reduced_model.h"
 #include "io/scene/scene_reader.h"
 #include "mpm/scene/particle_materials.h"
@@ -36,10 +37,14 @@ struct ReducedSimulation::Impl {
   Impl(const ReducedModel& used, const experiments::LoadedModel& loaded, const Scene& of_run,
        const ReducedSettings& settings)
       : model(used),
-        scene(of_run),
+        scene(in_range(of_run)),
         seed(settings.seed.value_or(of_run.seed)),
         run(loaded, scene, seed, options_of(settings), how(settings)) {}
 
+  static const Scene& in_range(const Scene& scene) {
+    check_ranges(scene);
+    return scene;
+  }
   static rom::ReducedOptions options_of(const ReducedSettings& settings) {
     rom::ReducedOptions options;
     options.step_factor = settings.step_factor;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/scene/checks/range_check.h"
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
 #include "mpm/cpu_batch.h"
@@ -96,6 +97,7 @@ const Scene& fitting(const Scene& scene, const SimulationOptions& options) {
     throw ConfigError("double precision runs on the CPU only. Use --device cpu or single precision");
   check_plane(scene);
   for (const auto& [name, material] : scene.materials) check_material(material);
+  check_ranges(scene);
   check_shapes_of_obstacles(scene);
   check_memory(least_memory(scene, options), options.device);
   return scene;

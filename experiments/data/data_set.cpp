@@ -83,6 +83,10 @@ class DataSet {
   bool remove_damaged_parts() const;
   bool merge_split(mpm::Split split, nlohmann::ordered_json& result) const;
   nlohmann::ordered_json merge() const;
+  bool are_merged(const std::vector<SceneJob>& jobs) const {
+    return std::all_of(jobs.begin(), jobs.end(),
+                       [this](const SceneJob& job) { return is_complete(split_file(job.split)); });
+  }
   void remove_parts(mpm::Split split) const {
     for (int64_t i = 0; i < source_.count(split); ++i) fs::remove(part_file({split, i}));
   }
@@ -186,7 +190,12 @@ void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
     std::fprintf(stderr, "generate: %s\n", printable(lost_.back()).c_str());
   };
   const Stopwatch watch;
-  run_scenes(source_, jobs, batches);
+  try {
+    run_scenes(source_, jobs, batches);
+  } catch (const IoError&) {
+    if (!are_merged(jobs)) throw;
+    return;  // another run has made them meanwhile, and removed the parts
+  }
   if (!jobs.empty()) note_time(watch.seconds());
   stop_if_interrupted("; run the same command again to go on");
   if (lost_.empty()) return;

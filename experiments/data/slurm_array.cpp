@@ -1,6 +1,8 @@
 #include "experiments/data/slurm_array.h"
 
 #include <algorithm>
+#include <map>
+#include <string_view>
 
 #include "core/system/shell_words.h"
 
@@ -30,11 +32,18 @@ exec @COMMAND@
 echo "@NAME@: job $@NAME@"
 )";
 
-std::string filled(std::string text, const std::string& name, const std::string& value) {
-  const std::string mark = "@" + name + "@";
-  for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += value.size())
-    text.replace(at, mark.size(), value);
-  return text;
+/// The template with all its marks "@NAME@" replaced; values may hold what looks like one.
+std::string filled(std::string_view text, const std::map<std::string_view, std::string>& values) {
+  std::string out;
+  for (std::size_t at; (at = text.find('@')) != std::string_view::npos;) {
+    const std::size_t end = text.find('@', at + 1);
+    const auto value = end == std::string_view::npos ? values.end() : values.find(text.substr(at + 1, end - at - 1));
+    const std::size_t taken = value == values.end() ? at + 1 : end + 1;
+    out += text.substr(0, value == values.end() ? taken : at);
+    if (value != values.end()) out += value->second;
+    text.remove_prefix(taken);
+  }
+  return out + std::string(text);
 }
 
 /// What ends the here-document of a job: no part of the job itself, whose arguments may have lines.
@@ -57,12 +66,15 @@ std::string slurm_array_script(const std::string& program, const std::vector<std
            (threads_given ? "" : " --threads \"${SLURM_CPUS_ON_NODE:-0}\"");
   };
   const auto job = [&](const std::string& name, const std::string& options, const std::string& line) {
-    std::string text = filled(filled(submission, "NAME", name), "OPTIONS", options);
-    text = filled(text, "END", end_of_job(shell_word(folder) + "\n" + line));
-    return filled(filled(text, "FOLDER", shell_word(folder)), "COMMAND", line);
+    const std::string place = shell_word(folder);
+    return filled(submission, {{"NAME", name},
+                               {"OPTIONS", options},
+                               {"END", end_of_job(place + "\n" + line)},
+                               {"FOLDER", place},
+                               {"COMMAND", line}});
   };
   // The number of parts is written out: a task that is submitted alone later still makes its own part.
-  return filled(head, "TASKS", count) +
+  return filled(head, {{"TASKS", count}}) +
          job("shards", "--array=0-" + std::to_string(tasks - 1),
              command(without_option(words, "--json")) + " --shard \"$SLURM_ARRAY_TASK_ID/" + count + "\"") +
          job("merge", "--dependency=\"afterok:${shards%%;*}\" --kill-on-invalid-dep=yes", command(words));

@@ -67,7 +67,7 @@ Film::Film(const std::string& path, const std::string& format, double rate, int 
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   for (const std::string& word :
        {std::string("-f"), std::string("rawvideo"), std::string("-pix_fmt"), std::string("rgb24"), std::string("-s"),
-        size, std::string("-r"), io::number_text(rate), std::string("-i"), std::string("pipe:0")})
+        size, std::string("-r"), number_text(rate), std::string("-i"), std::string("pipe:0")})
     words.push_back(word);
   for (const std::string& word : encoder_of(format)) words.push_back(word);
   words.push_back("file:" + part_.path());

@@ -177,19 +177,4 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string_vi
   return best > limit ? "" : " Did you mean '" + std::string(closest) + "'?";
 }
 
-std::string number_text(double value) {
-  char digits[40];
-  return std::string(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
-}
-
-std::string range_text(const Range& range) {
-  std::string text;
-  if (std::isfinite(range.low)) text = (range.low_open ? "> " : ">= ") + number_text(range.low);
-  if (std::isfinite(range.high)) {
-    if (!text.empty()) text += " and ";
-    text += (range.high_open ? "< " : "<= ") + number_text(range.high);
-  }
-  return text;
-}
-
 }  // namespace graupel::io

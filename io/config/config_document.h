@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/scene/checks/range_text.h"
 #include "core/scene/fields.h"
 #include "core/system/error.h"
 #include "io/config/json_node.h"
@@ -73,10 +74,5 @@ ConfigPlace find_place(const ConfigDocument& document, const std::vector<std::st
 
 /// " Did you mean 'x'?" for the closest candidate, or "" when none is close.
 std::string did_you_mean(std::string_view word, const std::vector<std::string_view>& candidates);
-
-/// "> 0", ">= 0 and < 0.5"; "" when every number is allowed.
-std::string range_text(const Range& range);
-/// Shortest text that reads back to the same number.
-std::string number_text(double value);
 
 }  // namespace graupel::io

@@ -14,32 +14,11 @@
 
 namespace graupel::io {
 
-struct AnyVisitor {
-  template <typename Member>
-  void operator()(Member, const FieldInfo&) const {}
-};
-template <typename T>
-concept ConfigStruct = requires {
-  T::fields(AnyVisitor());
-};
-template <typename T>
-concept ConfigEnum = std::is_enum_v<T> && requires {
-  EnumWords<T>::words;
-};
-
 /// Specialise to prepare a struct before its keys are read: `key` is its name in a map, or "".
 template <typename T>
 struct ConfigStart {
   static void begin(const ConfigPlace&, const std::string& /*key*/, T&) {}
 };
-
-template <ConfigEnum E>
-std::vector<std::string_view> enum_words() {
-  std::vector<std::string_view> words;
-  words.reserve(std::size(EnumWords<E>::words));
-  for (const auto& [word, value] : EnumWords<E>::words) words.push_back(word);
-  return words;
-}
 
 template <typename T>
 std::vector<std::string_view> field_names() {

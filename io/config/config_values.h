@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/math/vec.h"
+#include "core/scene/checks/field_kinds.h"
 #include "core/scene/fields.h"
 #include "core/scene/removed_field.h"
 #include "io/config/config_document.h"
@@ -27,21 +28,6 @@ std::size_t read_word(const ConfigPlace& place, const std::vector<std::string_vi
                       std::string_view offered = {});
 const std::vector<JsonNode>& read_list(const ConfigPlace& place);
 const std::vector<JsonMember>& read_members(const ConfigPlace& place);
-
-/// An enum field of the struct being read, as `only_for` of later fields refers to it.
-struct KindField {
-  std::string_view name;
-  std::vector<std::string_view> words;
-  std::string_view current;
-};
-
-/// The words of FieldInfo::only_for.
-std::vector<std::string_view> words_of_list(std::string_view text);
-/// The enum field that `only_for` speaks of: the first declared one with such a word. A struct without one is a
-/// programmer's mistake (std::logic_error).
-const KindField& kind_of(const FieldInfo& info, const std::vector<KindField>& kinds);
-/// Whether the field belongs to the struct's present kind.
-bool applies(const FieldInfo& info, const std::vector<KindField>& kinds);
 
 /// Throws for keys that are none of `fields` ("$schema" is allowed at the top level), and for `removed` ones with
 /// another value than their default.

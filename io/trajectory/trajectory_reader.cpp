@@ -193,7 +193,9 @@ void TrajectoryReader::Impl::open_trajectory(int i) const {
 }
 
 const OpenTrajectory& TrajectoryReader::Impl::trajectory(int i) const {
-  GRAUPEL_ASSERT(i >= 0 && i < static_cast<int>(groups.size()));
+  if (i < 0 || i >= static_cast<int>(groups.size()))
+    throw ConfigError("'" + path + "' has no trajectory " + std::to_string(i) + " (allowed: 0 to " +
+                      std::to_string(groups.size() - 1) + "). Ask for one of them");
   if (current.number != i) open_trajectory(i);
   return current;
 }
@@ -220,7 +222,10 @@ Trajectory TrajectoryReader::Impl::header(int i) const {
 
 std::vector<ParticleFrame> TrajectoryReader::Impl::frames(int i, int64_t first, int64_t count, FieldSet wanted) const {
   const OpenTrajectory& open = trajectory(i);
-  GRAUPEL_ASSERT(first >= 0 && count >= 0 && first + count <= static_cast<int64_t>(open.times.size()));
+  const auto last = static_cast<int64_t>(open.times.size());
+  if (first < 0 || count < 0 || first > last - count)
+    throw ConfigError("'" + path + "' has no " + std::to_string(count) + " frames from " + std::to_string(first) +
+                      " on (it has " + std::to_string(last) + "). Ask for those that it has");
   std::vector<ParticleFrame> out(static_cast<std::size_t>(count));
   const std::size_t particles = open.position.size[1];
   for (int64_t k = 0; k < count; ++k) {

@@ -62,6 +62,7 @@ struct TrajectoryWriter::Impl {
   void add_datasets();
   void store_initial_velocity(const ParticleFrame& frame);
   ParticleFrame stored_part(const ParticleFrame& frame) const;
+  void check_sizes(const ParticleFrame& frame) const;
   void append(const ParticleFrame& frame);
   void continue_from(const Trajectory& header, const TrajectoryCheckpoint& checkpoint);
   std::vector<hdf5::ChunkRow> filter_pending() const;
@@ -208,14 +209,26 @@ ParticleFrame TrajectoryWriter::Impl::stored_part(const ParticleFrame& frame) co
   return kept;
 }
 
+/// Throws where the frame lacks rows of what the file keeps.
+void TrajectoryWriter::Impl::check_sizes(const ParticleFrame& frame) const {
+  const auto check = [&](const std::string& what, std::size_t size, std::size_t needed) {
+    if (size == needed) return;
+    throw ConfigError("frame " + std::to_string(written + pending.size()) + " of '" + path + "' has " +
+                      std::to_string(size) + " values of '" + what + "' (allowed: " + std::to_string(needed) + ", of " +
+                      std::to_string(particles) + " particles). Append whole frames, with all that the file keeps");
+  };
+  check("position", frame.position.size(), particles);
+  if (options.velocity) check("velocity", frame.velocity.size(), particles);
+  if (options.active && !frame.active.empty()) check("active", frame.active.size(), particles);
+  for (const ParticleField field : all_particle_fields)
+    if (options.fields.contains(field))
+      check(std::string(info_of(field).name), frame.fields[field].size(),
+            particles * static_cast<std::size_t>(info_of(field).components));
+}
+
 void TrajectoryWriter::Impl::append(const ParticleFrame& frame) {
   GRAUPEL_ASSERT(!closed);
-  GRAUPEL_ASSERT(frame.position.size() == particles);
-  GRAUPEL_ASSERT(!options.velocity || frame.velocity.size() == particles);
-  GRAUPEL_ASSERT(!options.active || frame.active.empty() || frame.active.size() == particles);
-  for (const ParticleField field : all_particle_fields)
-    GRAUPEL_ASSERT(!options.fields.contains(field) ||
-                   frame.fields[field].size() == particles * static_cast<std::size_t>(info_of(field).components));
+  check_sizes(frame);
   if (!(frame.time > last_time))
     throw ConfigError("frame " + std::to_string(written + pending.size()) + " of '" + path + "' is at " +
                       std::to_string(frame.time) + " s, the one before at " + std::to_string(last_time) +

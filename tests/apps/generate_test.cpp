@@ -27,6 +27,21 @@ Outcome with_another_seed(std::string flags) {
   return graupel("generate " + flags);
 }
 
+/// The one that merges takes away the folder of parts, which the others may be about to write to.
+TEST(Generate, SeveralRunsOfOneSetAtOnceEndWell) {
+  const Folder folder;
+  std::vector<std::future<Outcome>> runs;
+  for (int i = 0; i < 3; ++i)
+    runs.push_back(std::async(std::launch::async, [&] {
+      return graupel("generate " + recipe_flags + " --threads 1 -o " + folder.file("set"));
+    }));
+  for (auto& run : runs) {
+    const Outcome outcome = run.get();
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  }
+  EXPECT_EQ(io::TrajectoryReader(folder.file("set") + "/train.h5").count(), 3);
+}
+
 TEST(Generate, ShardsMakeTheSameBytesAsOneRun) {
   const Folder folder;
   const std::string whole = folder.file("whole"), shards = folder.file("shards");

@@ -55,6 +55,8 @@ TEST(Slurm, TheScriptCarriesEveryWordThroughTheShell) {
   EXPECT_FALSE(script.says("--emit-slurm"));
   const Outcome lines = graupel("generate " + recipe + " --emit-slurm 3 -o 'a\nEND_OF_JOB\nb'");
   EXPECT_TRUE(lines.says("<< 'END_OF_JOB_'\n") && lines.says("\nEND_OF_JOB_\n)")) << lines.output;
+  const Outcome marks = graupel("generate " + recipe + " --emit-slurm 3 -o 'a@COMMAND@b@END@@'");
+  EXPECT_TRUE(marks.says("-o 'a@COMMAND@b@END@@'")) << marks.output;
   // Where there is no sbatch the script says so and does nothing.
   const std::string file = folder.write("submit.sh", script.output);
   const Outcome none = run_program("/usr/bin/env", "PATH=" + folder.file("") + " /bin/bash " + file);

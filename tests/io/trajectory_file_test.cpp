@@ -242,6 +242,25 @@ void plain(hid_t group, const char* name, const std::vector<hsize_t>& size, hdf5
   hdf5::write_all(dataset, element, values);
 }
 
+TEST(TrajectoryFile, RefusesFramesOfOtherParticlesAndPlacesOutside) {
+  TemporaryFolder folder;
+  const std::string path = folder.file("some.h5");
+  {
+    TrajectoryWriter writer(path, sample_header(37));
+    expect_error<ConfigError>([&] { writer.append(sample_frame(38, 0)); },
+                              {path, "has 38 values of 'position' (allowed: 37"});
+    ParticleFrame without = sample_frame(37, 0);
+    without.velocity.clear();
+    expect_error<ConfigError>([&] { writer.append(without); }, {path, "has 0 values of 'velocity'"});
+    writer.append(sample_frame(37, 0));
+    writer.finish();
+  }
+  const TrajectoryReader reader(path);
+  expect_error<ConfigError>([&] { reader.header(1); }, {path, "has no trajectory 1 (allowed: 0 to 0)"});
+  expect_error<ConfigError>([&] { reader.frames(0, 0, 1000, {}); }, {path, "has no 1000 frames from 0 on"});
+  expect_error<ConfigError>([&] { reader.frames(0, -1, 1, {}); }, {path, "has no 1 frames from -1 on"});
+}
+
 TEST(TrajectoryFile, RefusesWhatDoesNotFit) {
   TemporaryFolder folder;
   const std::vector<float> x(24, 1.0f);

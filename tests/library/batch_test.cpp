@@ -48,6 +48,11 @@ TEST(PublicBatch, ErrorsNameTheScene) {
   }
   EXPECT_THROW(Batch({}), ConfigError);
   EXPECT_THROW(Batch({spinning_block("jelly")}, {.seeds = {1, 2}}), ConfigError);
+  const Batch one({spinning_block("jelly")});
+  EXPECT_THROW(one.scene(1), ConfigError);
+  EXPECT_THROW(one.particle_type(3), ConfigError);
+  EXPECT_THROW(one.divergence(300000), ConfigError);
+  EXPECT_THROW(one.frame(1), ConfigError);
 }
 
 /// A step that is too long for a script is found when the solver is made.

@@ -36,6 +36,21 @@ TEST(PublicSimulation, SpansAreThoseOfTheFrameAndFollowIt) {
   EXPECT_EQ(run.particle_type()[0], particle_type_of(MaterialModel::jelly));
 }
 
+/// Of scenes that no reader has checked.
+TEST(PublicSimulation, NumbersOutOfRangeAreRefused) {
+  const auto expect_refused = [](const auto& change) {
+    Scene scene = spinning_block("jelly");
+    change(scene);
+    EXPECT_THROW(Simulation run(scene), ConfigError);
+  };
+  expect_refused([](Scene& scene) { scene.frame_time = 0; });
+  expect_refused([](Scene& scene) { scene.frame_time = -1; });
+  expect_refused([](Scene& scene) { scene.time_step.substeps_per_frame = -3; });
+  expect_refused([](Scene& scene) { scene.sources[0].particles_per_cell = -1; });
+  expect_refused([](Scene& scene) { scene.sources[0].size = {-0.1, 0.1, 0.1}; });
+  expect_refused([](Scene& scene) { scene.sources[0].velocity = {0, std::nan(""), 0}; });
+}
+
 TEST(PublicSimulation, SumsAreThoseOfTheBlock) {
   Simulation run(spinning_block("jelly"), {.f64 = true});
   const Balance start = run.balance();

@@ -141,6 +141,8 @@ TEST_F(Program, ReducedModelsTellTheirOfflineCost) {
   EXPECT_EQ(cost.training[0].device, hardware_name(Device::cpu, 1));
   EXPECT_EQ(run({"nsf", "--data", data, "--out", folder_ + "/nsf"}), 2);
   EXPECT_NE(log().find("holds a run already"), std::string::npos) << log();
+  EXPECT_EQ(run({"nsf", "--resume", folder_ + "/nsf"}), 3);
+  EXPECT_NE(log().find("is a run without steps"), std::string::npos) << log();
   remove_path(data);
 }
 
@@ -151,7 +153,7 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
   const std::string data = affine_sweep("crom_program_data"), out = folder_ + "/crom";
   const pid_t child =
       start({"crom", "--data", data, "--out", out, "--threads", "1", "--device", "cpu", "--set", "latents=1", "--set",
-             "samples=20", "--set", "epochs_scale=1000", "--set", "checkpoint_interval=10"},
+             "samples=20", "--set", "epochs_scale=1000", "--set", "checkpoint_interval=10", "--time-limit", "600"},
             folder_ + "/log");
   for (int i = 0; i < 600 && !has_checkpoint(out); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   ::kill(child, SIGTERM);
@@ -159,6 +161,8 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
   EXPECT_NE(log().find("graupel train crom --resume " + out), std::string::npos) << log();
   EXPECT_FALSE(fs::exists(out + "/weights.safetensors"));
   EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
+  EXPECT_EQ(run({"crom", "--resume", out, "--out", folder_ + "/other"}), 2);
+  EXPECT_EQ(read_run_facts(out).time_limit, 600);
   ASSERT_EQ(run({"crom", "--resume", out, "--device", "cpu", "--time-limit", "0.01"}), 0) << log();
   EXPECT_EQ(nn::read_safetensors(out + "/weights.safetensors").metadata.at("architecture"), "crom");
   remove_path(data);
@@ -274,6 +278,19 @@ TEST_F(Program, AKilledRunGoesOnFromItsLastCheckpoint) {
   EXPECT_NE(log().find("resumed at step "), std::string::npos);
   EXPECT_EQ(log().find("resumed at step 0\n"), std::string::npos);
   EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--steps", "5"}), 2);
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--out", folder_ + "/other"}), 2);
+  EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--print-defaults"}), 0);
+  EXPECT_EQ(config_hash(read_train_config(log(), "defaults")), config_hash(read_run_config(folder_ + "/killed")));
+}
+
+TEST_F(Program, RefusesWordsWithoutEffect) {
+  const std::string weights = folder_ + "/w.safetensors";
+  EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--split", "valid"}), 2);
+  EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--stride", "2"}), 2);
+  EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--evaluate", weights, "--minutes", "5"}), 2);
+  EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--evaluate", weights, "--emit-slurm", "1"}), 2);
+  EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--emit-slurm", "8", "--set", "batch_scenes=2"}), 2);
+  EXPECT_NE(log().find("8 ranks are too many"), std::string::npos) << log();
 }
 
 }  // namespace

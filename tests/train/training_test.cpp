@@ -381,6 +381,14 @@ TEST(Training, WeightsTellTheCostOfTheirDataAndOfAllTraining) {
 TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   const std::string folder = test_folder("refuse");
   TrainingOptions options = tiny_options(folder + "/run");
+  options.from = folder + "/none.safetensors";
+  EXPECT_THROW(train_network(options), InputError);
+  EXPECT_FALSE(fs::exists(options.run));  // the same --out is free for what is meant
+  options.from.clear();
+  {
+    const FileLock another = lock_run(options.run);
+    EXPECT_THROW(train_network(options), ConfigError);
+  }
   options.config.steps = 2;
   train_network(options);
   EXPECT_THROW(train_network(options), ConfigError);

@@ -61,7 +61,7 @@ int train(const Arguments& arguments, const std::string& command_line) {
   const std::string file = arguments.out + "/weights.safetensors";
   options.improved = [&](const hybrid::CoarseModel& model) { nn::write_safetensors(file, model.store()); };
   catch_stop_signals();
-  make_folder(arguments.out);
+  const FileLock hold = lock_run(arguments.out);
   const CoarseTrainingResult result = train_coarse(options);
   const Json facts = {{"sweeps", result.sweeps},
                       {"seconds", result.seconds},

@@ -85,6 +85,9 @@ void prepare_resume(NetworkArguments& arguments, TrainingOptions& options) {
     throw ConfigError(
         "a resumed run keeps its settings (--preset, --config, --set, --steps, --from, --teacher and --seed are for "
         "new runs). Leave them out");
+  if (arguments.resume != "latest" && !arguments.out.empty())
+    throw ConfigError(
+        "--out is for new runs (a resumed one stays in its folder), or says where --resume latest looks. Leave it out");
   arguments.out = arguments.resume == "latest"
                       ? latest_run(arguments.out.empty() ? "runs" : arguments.out, arguments.architecture)
                       : arguments.resume;
@@ -197,8 +200,11 @@ int run_training(NetworkArguments& arguments) {
 /// Prints the batch script that trains so under Slurm.
 int print_slurm_script(NetworkArguments& a) {
   require_one_process("--emit-slurm");
+  if (!a.evaluate.empty())
+    throw ConfigError("--emit-slurm is for training, and --evaluate trains nothing. Leave one of them out");
   TrainingOptions options;
   settle_run(a, options);  // its errors, before anything is submitted
+  check_rank_count(a.slurm_ranks, options.config);
   std::vector<std::string> resume = {word_of(a.architecture),
                                      "--resume",
                                      a.out,
@@ -254,8 +260,12 @@ void add_options(const Command& verb, NetworkArguments& a) {
       .names_file({".safetensors"});
   verb.option("--split", a.split, "Split that --evaluate reads: train, valid or test")
       .check(one_of({"train", "valid", "test"}))
-      .show_default();
-  verb.option("--stride", a.stride, "--evaluate takes every n-th frame").check(whole_number(1)).show_default();
+      .show_default()
+      .remember_in(a.split_given);
+  verb.option("--stride", a.stride, "--evaluate takes every n-th frame")
+      .check(whole_number(1))
+      .show_default()
+      .remember_in(a.stride_given);
   verb.footer(
       fmt::format("Examples:\n  graupel train {0} --data data/hgn --out runs/{0} --minutes 15\n"
                   "  graupel train {0} --evaluate runs/{0}/weights.safetensors --data data/hgn --split test --json "
@@ -265,9 +275,16 @@ void add_options(const Command& verb, NetworkArguments& a) {
 
 int train_or_evaluate(NetworkArguments& arguments) {
   if (arguments.print_defaults) {
-    fmt::print("{}\n", train_config_text(config_of(arguments)));
+    TrainingOptions options;
+    if (arguments.resume.empty())
+      options.config = config_of(arguments);
+    else
+      prepare_resume(arguments, options);
+    fmt::print("{}\n", train_config_text(options.config));
     return 0;
   }
+  if (arguments.evaluate.empty() && (arguments.split_given || arguments.stride_given))
+    throw ConfigError("--split and --stride are for --evaluate. Leave them out, or name weights: --evaluate FILE");
   if (arguments.slurm_ranks > 0) return print_slurm_script(arguments);
   if (arguments.json == "-") reserve_standard_output();
   set_num_threads(arguments.threads);

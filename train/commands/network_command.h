@@ -24,7 +24,7 @@ struct NetworkArguments {
   uint64_t seed = 0;
   int threads = 0, slurm_ranks = 0;
   bool print_defaults = false;
-  bool seed_given = false, preset_given = false;
+  bool seed_given = false, preset_given = false, split_given = false, stride_given = false;
   std::string command_line;
 };
 

@@ -38,10 +38,11 @@ Json json_of(const OneStepErrors& errors) {
 void evaluate_network(const NetworkArguments& arguments) {
   require_one_process("--evaluate");
   if (arguments.data.empty()) throw ConfigError("--data is missing. Name the folder of the data set");
-  if (says_how_to_train(arguments) || !arguments.resume.empty() || !arguments.out.empty())
+  if (says_how_to_train(arguments) || !arguments.resume.empty() || !arguments.out.empty() || arguments.minutes > 0 ||
+      arguments.stop_step > 0)
     throw ConfigError(
-        "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --teacher, --seed, --resume and --out "
-        "are for training). Leave them out");
+        "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --teacher, --seed, --resume, --out, "
+        "--minutes and --stop-step are for training). Leave them out");
   const std::string split_file = arguments.data + "/" + arguments.split + ".h5";
   check_run_outputs({{"the weights", arguments.evaluate}, {"the data", split_file}}, "", arguments.json);
   const Device device = device_for_torch(arguments.device);

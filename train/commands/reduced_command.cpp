@@ -1,5 +1,7 @@
 #include "train/commands/reduced_command.h"
 
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -16,7 +18,7 @@ namespace graupel::train {
 
 void add_reduced_options(const Command& verb, ReducedArguments& a, const std::string& device_meaning) {
   verb.option("--data", a.data, "Folder of the data set: train.h5").names_folder();
-  verb.option("--out", a.out, "Run folder").names_folder().show_default();
+  verb.option("--out", a.out, "Run folder").names_folder().show_default().remember_in(a.out_given);
   verb.option("--config", a.config, "Settings as JSON (see --print-defaults)").names_file({".json"});
   verb.option("--set", a.set, "Override a setting: key=value, samples=300").take_all();
   verb.option("--seed", a.seed, "Seed of samples, weights and batches").remember_in(a.seed_given);
@@ -34,10 +36,15 @@ void check_reduced_arguments(ReducedArguments& a, const std::string& recipe) {
     if (!a.config.empty() || !a.set.empty() || a.seed_given)
       throw ConfigError(
           "a resumed run keeps its settings (--config, --set and --seed are for new runs). Leave them out");
+    if (a.out_given) throw ConfigError("--out is for new runs (a resumed one stays in its folder). Leave it out");
     a.out = a.resume;
     if (!std::filesystem::exists(a.out + "/config.json"))
       throw InputError("'" + a.out +
                        "' is not a training run (it has no config.json). Name the folder of a run of networks");
+    if (!std::filesystem::exists(a.out + "/run.json"))
+      throw InputError("'" + a.out +
+                       "' is a run without steps, such as of modes (it has no run.json), which goes on nowhere. Train "
+                       "anew, with another --out");
     if (a.data.empty()) a.data = read_run_facts(a.out).data;
   }
   if (a.data.empty())
@@ -57,11 +64,16 @@ void fill_run_options(const ReducedArguments& a, const std::string& command_line
   options.resume = !a.resume.empty();
   options.device = device_for_torch(a.device);
   options.threads = num_threads();
-  options.time_limit = a.time_limit;
-  options.command_line = command_line;
-  options.version = GRAUPEL_VERSION;
   options.should_stop = [] { return stop_signal() != 0; };
   options.message = [&log, out = a.out](const std::string& text) { log.line(text, out); };
+  options.time_limit = a.time_limit;
+  if (options.resume && !(a.time_limit > 0)) {
+    options.time_limit = read_run_facts(a.out).time_limit;
+    if (options.time_limit > 0)
+      options.message(fmt::format("keeps its time limit of {} s (--time-limit sets another)", options.time_limit));
+  }
+  options.command_line = command_line;
+  options.version = GRAUPEL_VERSION;
   options.provenance = provenance_of(a, command_line, config_json);
 }
 

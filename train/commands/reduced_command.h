@@ -21,7 +21,7 @@ struct ReducedArguments {
   std::string data, out, config, json, resume, device = "auto";
   std::vector<std::string> set;
   uint64_t seed = 0;
-  bool seed_given = false;
+  bool seed_given = false, out_given = false;
   int threads = 0;
   double time_limit = 0;
   bool print_defaults = false;

@@ -48,6 +48,14 @@ void check_new_run(const std::string& folder) {
                         "). Go on with it by --resume (coarse: --from), or choose another --out");
 }
 
+FileLock lock_run(const std::string& folder) {
+  make_folder(folder);
+  std::optional<FileLock> lock = FileLock::attempt(folder + "/.lock", LockKind::exclusive);
+  if (!lock)
+    throw ConfigError("another process trains in '" + folder + "'. Wait until it ends, or choose another --out");
+  return std::move(*lock);
+}
+
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
                 const std::string& command_line) {
   create_run(folder, train_config_text(config), facts, command_line);
@@ -74,6 +82,7 @@ void create_run(const std::string& folder, const std::string& config_text, const
     environment["teacher"] = facts.teacher;
     environment["teacher_hash"] = facts.teacher_hash;
   }
+  if (facts.time_limit > 0) environment["time_limit"] = facts.time_limit;
   write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
   write_file_atomically(folder + "/command.txt", command_line + "\n");
   write_file_atomically(folder + "/config.json", config_text);
@@ -96,6 +105,7 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.version = json.value("graupel", "");
   facts.threads = json.value("threads", 0);
   facts.ranks = json.value("ranks", 1);
+  facts.time_limit = json.value("time_limit", 0.0);
   facts.from = json.value("from", "");
   facts.from_hash = json.value("from_hash", "");
   facts.teacher = json.value("teacher", "");

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/file_lock.h"
 #include "graph/config/hgn_config.h"
 #include "nn/offline_cost.h"
 #include "train/config/train_config.h"
@@ -24,6 +25,7 @@ struct RunFacts {
   std::string from_hash = {};     ///< file_hash() of it
   std::string teacher = {};       ///< weights file, absolute; "": none
   std::string teacher_hash = {};  ///< file_hash() of it
+  double time_limit = 0;          ///< of a reduced model's networks [s]; 0: none
 };
 
 /// Settings from JSON text (comments allowed) and "key.path=value" overrides. Throws ConfigError.
@@ -40,6 +42,8 @@ std::string run_config_hash(const std::string& folder);
 
 /// Throws ConfigError when the folder holds a run already, of whatever kind.
 void check_new_run(const std::string& folder);
+/// Makes the folder where it is missing, and keeps others from training in it. Throws ConfigError where one does.
+FileLock lock_run(const std::string& folder);
 /// Makes the folder of a new run; as check_new_run().
 void create_run(const std::string& folder, const TrainConfig& config, const RunFacts& facts,
                 const std::string& command_line);

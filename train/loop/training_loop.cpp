@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "core/parallel/hardware.h"
 #include "core/system/error.h"
@@ -38,11 +39,6 @@ bool has_learned_from(const std::string& file, const std::string& teacher_hash) 
 
 nn::OfflineCost cost_of(const std::string& file) {
   return nn::offline_cost_of(nn::read_safetensors(file).metadata, file);
-}
-
-DivergedError diverged(const std::string& what, int64_t step) {
-  return DivergedError("training diverged (" + what + " no longer a number by step " + std::to_string(step) +
-                       "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
 }
 
 /// Steps between two agreements of several ranks on whether to stop; on a GPU each waits until the GPU is done.
@@ -88,7 +84,7 @@ class TrainingRun {
   std::optional<StopReason> after_step();
   void report();
   void validate();
-  void check_weights() const;
+  void take_means();
   void save_checkpoint();
   std::string export_weights() const;
   double seconds() const { return state_.seconds + seconds_since(start_); }
@@ -108,7 +104,9 @@ class TrainingRun {
   CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
   int64_t saved_step_ = -1;
   double schedule_share_ = 0;  ///< of schedule_minutes that has passed
+  StepMeans means_;            ///< since the last report
   std::optional<Validation> validation_;
+  std::optional<FileLock> lock_;       ///< of rank 0, on the run folder
   std::optional<MetricsLog> metrics_;  ///< of rank 0
   Clock::time_point start_, last_report_;
 };
@@ -120,10 +118,7 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
       teacher_(read_teacher(options.teacher, config_, options.device)),
       module_(config_.network(), options.device, config_.seed,
               config_.mixed_precision ? NumberType::mixed : NumberType::f32, config_.checkpoint_layers) {
-  if (comm_.size() > config_.batch_scenes)
-    throw ConfigError(std::to_string(comm_.size()) + " ranks are too many for batches of " +
-                      std::to_string(config_.batch_scenes) +
-                      " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
+  check_rank_count(comm_.size(), config_);
   check_equal_teachers(comm_, teacher_.get());
   train_ = open("train.h5", config_.features().bundle, config_.push_steps);
   state_.seed = config_.seed;
@@ -147,6 +142,8 @@ void TrainingRun::begin_run() {
     valid_ = open("valid.h5", 1, 0);
   else
     say("'" + options_.data + "' has no valid.h5: training without validation");
+  if (!options_.resume && !options_.from.empty()) starting_weights(options_.from, config_.network());  // throws
+  lock_.emplace(lock_run(options_.run));
   if (!options_.resume)
     create_run(
         options_.run, config_,
@@ -276,7 +273,7 @@ std::optional<StopReason> TrainingRun::after_step() {
   if (state_.step % config_.validation_interval == 0) validate();
   if (state_.step % config_.checkpoint_interval == 0) {
     module_.share_state(comm_);  // ranks whose machines or threads round otherwise do not drift apart
-    check_weights();
+    take_means();
     save_checkpoint();
   }
   return stop_reason();
@@ -296,7 +293,7 @@ TrainingResult TrainingRun::execute() {
     if (!comm_.leads()) throw;
     throw GpuMemoryError(std::string(error.what()) + ". A new run goes on with --from " + export_weights());
   }
-  check_weights();
+  take_means();
   // A signal leaves little time: the state is saved, nothing more is measured.
   const bool measured = validation_ && validation_->step == state_.step;
   if (reason != StopReason::stopped && !measured) validate();
@@ -325,9 +322,23 @@ StepSettings TrainingRun::step_settings() const {
   return settings;
 }
 
+/// Adds the steps since the last call to means_; throws where they have diverged, before a checkpoint of them is
+/// written. On every rank, as their means are equal.
+void TrainingRun::take_means() {
+  const StepMeans later = module_.take_means();
+  if (later.steps == 0) return;
+  if (!std::isfinite(later.loss) || !std::isfinite(later.gradient_norm))
+    throw DivergedError("training diverged (the loss is no longer a number by step " + std::to_string(state_.step) +
+                        "). Lower learning_rate or clip_norm and start a new run; checkpoints of this one remain");
+  const double share = static_cast<double>(later.steps) / static_cast<double>(means_.steps + later.steps);
+  means_.loss += share * (later.loss - means_.loss);
+  means_.gradient_norm += share * (later.gradient_norm - means_.gradient_norm);
+  means_.steps += later.steps;
+}
+
 void TrainingRun::report() {
-  const StepMeans means = module_.take_means();
-  if (!std::isfinite(means.loss) || !std::isfinite(means.gradient_norm)) throw diverged("the loss is", state_.step);
+  take_means();
+  const StepMeans means = std::exchange(means_, {});
   if (!comm_.leads()) return;
   state_.loss_average = state_.loss_average == 0 ? means.loss : 0.9 * state_.loss_average + 0.1 * means.loss;
   TrainingProgress progress;
@@ -384,13 +395,6 @@ void TrainingRun::validate() {
   }
 }
 
-/// Steps since the last report may have diverged. On every rank, since all of them must end.
-void TrainingRun::check_weights() const {
-  for (const auto& [name, tensor] : module_.state(StateArray::weights).tensors)
-    for (const float value : tensor.as_float())
-      if (!std::isfinite(value)) throw diverged("weights of '" + name + "' are", state_.step);
-}
-
 void TrainingRun::save_checkpoint() {
   if (!comm_.leads() || saved_step_ == state_.step) return;
   const auto begin = Clock::now();
@@ -435,6 +439,13 @@ std::string TrainingRun::export_weights() const {
 }
 
 }  // namespace
+
+void check_rank_count(int ranks, const TrainConfig& config) {
+  if (ranks > config.batch_scenes)
+    throw ConfigError(std::to_string(ranks) + " ranks are too many for batches of " +
+                      std::to_string(config.batch_scenes) +
+                      " scenes (each takes one or more). Start fewer, or set batch_scenes higher");
+}
 
 const char* name_of(StopReason reason) {
   constexpr const char* names[] = {"finished", "out_of_time", "stopped", "reached_stop_step"};

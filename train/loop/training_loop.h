@@ -31,6 +31,9 @@ struct Validation {
   double rollout_mse = std::numeric_limits<double>::quiet_NaN();  ///< [m^2]; NaN: not measured
 };
 
+/// Throws ConfigError where some of the processes would have no scene of a batch.
+void check_rank_count(int ranks, const TrainConfig& config);
+
 enum class StopReason { finished, out_of_time, stopped, reached_stop_step };
 const char* name_of(StopReason reason);
 

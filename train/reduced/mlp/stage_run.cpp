@@ -15,12 +15,13 @@ namespace graupel::train {
 
 StageRun::StageRun(const StageRunOptions& options, std::string config_text, uint64_t seed,
                    std::vector<std::string> names)
-    : options_(options), names_(std::move(names)) {
-  if (!options_.resume)
-    create_run(options_.run, config_text + "\n",
-               {std::filesystem::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
-                options_.version, options_.threads},
-               options_.command_line);
+    : options_(options), names_(std::move(names)), lock_(lock_run(options_.run)) {
+  if (!options_.resume) {
+    RunFacts facts = {std::filesystem::absolute(options_.data).lexically_normal(), name_of(options_.device),
+                      torch_version(), options_.version, options_.threads};
+    facts.time_limit = options_.time_limit;
+    create_run(options_.run, config_text + "\n", facts, options_.command_line);
+  }
   state_.seed = seed;
   state_.config_hash = config_hash(config_text);
   if (options_.resume) restore();

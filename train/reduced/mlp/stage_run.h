@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/parallel/device.h"
+#include "core/system/file_lock.h"
 #include "core/system/stopwatch.h"
 #include "train/loop/checkpoint.h"
 #include "train/loop/metrics_log.h"
@@ -72,6 +73,7 @@ class StageRun {
 
   const StageRunOptions& options_;
   std::vector<std::string> names_;
+  FileLock lock_;          ///< on the run folder
   CheckpointState state_;  ///< `seconds` is that of the run's earlier parts
   std::map<std::string, nn::Weights> restored_;
   int restored_stage_ = -1;
