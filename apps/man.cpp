@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "apps/verbs.h"
+#include "core/system/error.h"
 #include "experiments/manual/man_page.h"
 #include "experiments/manual/man_page_files.h"
 #include "experiments/manual/program_description.h"
@@ -21,6 +22,8 @@ struct ManOptions {
 };
 
 void man(const Command& program, const ManOptions& options) {
+  if (!options.folder.empty() && !options.command.empty())
+    throw ConfigError("--folder writes the pages of all commands. Leave the words of one out, or --folder");
   const std::vector<ManPage> pages = program_man_pages(whole_program(program.description()));
   if (options.folder.empty())
     std::fputs(find_page(pages, options.command).text.c_str(), stdout);

@@ -285,6 +285,8 @@ TEST_F(Program, AKilledRunGoesOnFromItsLastCheckpoint) {
 
 TEST_F(Program, RefusesWordsWithoutEffect) {
   const std::string weights = folder_ + "/w.safetensors";
+  EXPECT_EQ(run({"hgn", "--data", std::string(tiny_data_set()) + "/train.h5"}), 2);
+  EXPECT_NE(log().find("Name the folder that it is in"), std::string::npos) << log();
   EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--split", "valid"}), 2);
   EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--stride", "2"}), 2);
   EXPECT_EQ(run({"hgn", "--data", tiny_data_set(), "--evaluate", weights, "--minutes", "5"}), 2);

@@ -122,6 +122,7 @@ void settle_run(NetworkArguments& arguments, TrainingOptions& options) {
     options.config = config_of(arguments);
     if (arguments.out.empty()) arguments.out = "runs/" + utc_name(arguments.architecture);
   }
+  check_data_folder(arguments.data);
   options.data = arguments.data;
   options.run = arguments.out;
   options.teacher = arguments.teacher;

@@ -43,6 +43,7 @@ void evaluate_network(const NetworkArguments& arguments) {
     throw ConfigError(
         "--evaluate trains nothing (--preset, --config, --set, --steps, --from, --teacher, --seed, --resume, --out, "
         "--minutes and --stop-step are for training). Leave them out");
+  check_data_folder(arguments.data);
   const std::string split_file = arguments.data + "/" + arguments.split + ".h5";
   check_run_outputs({{"the weights", arguments.evaluate}, {"the data", split_file}}, "", arguments.json);
   const Device device = device_for_torch(arguments.device);

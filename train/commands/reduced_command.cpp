@@ -49,6 +49,7 @@ void check_reduced_arguments(ReducedArguments& a, const std::string& recipe) {
   }
   if (a.data.empty())
     throw ConfigError("--data is missing. Name the folder of a sweep ('graupel generate " + recipe + "' makes one)");
+  check_data_folder(a.data);
   check_run_outputs({{"the data", a.data}, {"the settings", a.config}}, a.out, a.json);
 }
 

@@ -16,6 +16,12 @@ bool is_same_folder(const std::string& a, const std::string& b) {
 
 }  // namespace
 
+void check_data_folder(const std::string& data) {
+  std::error_code code;
+  if (std::filesystem::is_regular_file(data, code))
+    throw ConfigError("--data must name a folder ('" + data + "' is a file). Name the folder that it is in");
+}
+
 void check_run_outputs(const std::vector<NamedFile>& inputs, const std::string& run, const std::string& json) {
   check_output_file(json);
   std::error_code code;
