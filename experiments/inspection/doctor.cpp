@@ -133,10 +133,10 @@ void examine_processor(MachineReport& report) {
                     environment("GRAUPEL_PRODUCTS")));
   if (threads < cores) {
     const std::string asked = environment("OMP_NUM_THREADS");
-    report.hints.push_back(
-        fmt::format("{} of {} logical processors are used ({}). Ask for more", threads, cores,
-                    asked.empty() ? "by --threads, or since the system lets this process have no others"
-                                  : "by --threads or OMP_NUM_THREADS=" + asked));
+    report.hints.push_back(fmt::format("{} of {} logical processors are used ({}). Ask for more", threads, cores,
+                                       asked.empty()
+                                           ? "by --threads, or since the system lets this process have no others"
+                                           : "by --threads or OMP_NUM_THREADS=" + asked));
   }
   const double speed = parallel_speed(), share = speed / threads;
   report.facts.push_back({"arithmetic of all threads", fmt::format("{:.1f} times that of one", speed)});
