@@ -163,6 +163,10 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
   EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
   EXPECT_EQ(run({"crom", "--resume", out, "--out", folder_ + "/other"}), 2);
   EXPECT_EQ(read_run_facts(out).time_limit, 600);
+  const std::string other = tiny_sweep("other_program_data");
+  EXPECT_EQ(run({"crom", "--resume", out, "--data", other, "--device", "cpu"}), 2);
+  EXPECT_NE(log().find("began with other runs"), std::string::npos) << log();
+  remove_path(other);
   ASSERT_EQ(run({"crom", "--resume", out, "--device", "cpu", "--time-limit", "0.01"}), 0) << log();
   EXPECT_EQ(nn::read_safetensors(out + "/weights.safetensors").metadata.at("architecture"), "crom");
   remove_path(data);

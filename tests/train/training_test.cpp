@@ -393,6 +393,16 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   train_network(options);
   EXPECT_THROW(train_network(options), ConfigError);
   options.resume = true;
+  const std::string usual = options.data;
+  options.data = folder + "/data";
+  fs::create_directory(options.data);
+  fs::copy_file(usual + "/valid.h5", options.data + "/train.h5");
+  std::string said;
+  options.message = [&](const std::string& text) { said += text + "\n"; };
+  train_network(options);
+  EXPECT_NE(said.find("is not the data that the run began with"), std::string::npos) << said;
+  options.data = usual;
+  options.message = {};
   options.config.learning_rate = 1e-5;
   EXPECT_THROW(train_network(options), ConfigError);
   fs::create_directory(folder + "/later");

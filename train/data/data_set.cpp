@@ -1,5 +1,6 @@
 #include "train/data/data_set.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "core/scene/kinematic_particles.h"
 #include "core/scene/particle_rows.h"
 #include "core/system/error.h"
+#include "core/system/fnv1a.h"
 #include "graph/features/particle_lifecycle.h"
 #include "graph/learned_simulator.h"
 #include "io/scene/scene_reader.h"
@@ -264,6 +266,17 @@ void DataSplit::find_births(const DataSplitOptions& options) {
 std::string DataSplit::attribute(const std::string& name) const {
   const std::lock_guard lock(reading);
   return reader_->attribute(0, name);
+}
+
+std::string DataSplit::hash() const {
+  std::string all;
+  for (int i = 0; i < count(); ++i) {
+    const TrajectoryInfo& info = trajectory(i);
+    all += fmt::format("{} {} {}\n", info.frames, info.type_row.size(), scene_json(i));
+  }
+  const std::vector<Vec3f> first = positions(0, 0, 1).front();
+  const uint64_t before = fnv1a(fnv_start, all.data(), all.size());
+  return fmt::format("{:016x}", fnv1a(before, first.data(), first.size() * sizeof(Vec3f)));
 }
 
 std::vector<std::vector<Vec3f>> DataSplit::positions(int i, int64_t first, int64_t count) const {

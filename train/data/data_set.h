@@ -99,6 +99,9 @@ class DataSplit {
   /// The scene of a trajectory, as it is stored.
   const std::string& scene_json(int i) const { return scene_json_[static_cast<std::size_t>(i)]; }
 
+  /// Fingerprint of the split: scenes, lengths, numbers of particles, and the first positions.
+  std::string hash() const;
+
   /// Positions of frames [first, first + count), [count][n] [m].
   std::vector<std::vector<Vec3f>> positions(int i, int64_t first, int64_t count) const;
   /// history + 1 positions [n] ending at `frame`, newest last. Frames before the first are those that a rollout starts

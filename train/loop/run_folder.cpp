@@ -82,6 +82,7 @@ void create_run(const std::string& folder, const std::string& config_text, const
     environment["teacher"] = facts.teacher;
     environment["teacher_hash"] = facts.teacher_hash;
   }
+  if (!facts.data_hash.empty()) environment["data_hash"] = facts.data_hash;
   if (facts.time_limit > 0) environment["time_limit"] = facts.time_limit;
   write_file_atomically(folder + "/run.json", environment.dump(2) + "\n");
   write_file_atomically(folder + "/command.txt", command_line + "\n");
@@ -105,6 +106,7 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.version = json.value("graupel", "");
   facts.threads = json.value("threads", 0);
   facts.ranks = json.value("ranks", 1);
+  facts.data_hash = json.value("data_hash", "");
   facts.time_limit = json.value("time_limit", 0.0);
   facts.from = json.value("from", "");
   facts.from_hash = json.value("from_hash", "");
@@ -114,6 +116,10 @@ RunFacts read_run_facts(const std::string& folder) {
   facts.start = start == json.end() ? nn::unknown_offline_cost()
                                     : nn::parse_offline_cost(start->dump(), "'" + file + "' (start_cost)");
   return facts;
+}
+
+bool began_with_other_data(const RunFacts& facts, const std::string& data_hash) {
+  return !facts.data_hash.empty() && facts.data_hash != data_hash;
 }
 
 namespace {

@@ -25,6 +25,7 @@ struct RunFacts {
   std::string from_hash = {};     ///< file_hash() of it
   std::string teacher = {};       ///< weights file, absolute; "": none
   std::string teacher_hash = {};  ///< file_hash() of it
+  std::string data_hash = {};     ///< fingerprint of the training split; "" in runs of before there was one
   double time_limit = 0;          ///< of a reduced model's networks [s]; 0: none
 };
 
@@ -53,6 +54,7 @@ void create_run(const std::string& folder, const std::string& config_text, const
 /// Settings and facts of an existing run. Throws InputError when `folder` is none.
 TrainConfig read_run_config(const std::string& folder);
 RunFacts read_run_facts(const std::string& folder);
+bool began_with_other_data(const RunFacts& facts, const std::string& data_hash);
 /// The run of a network of `architecture` below `folder` that was written to last. Throws InputError when there is
 /// none.
 std::string latest_run(const std::string& folder, Architecture architecture);

@@ -67,7 +67,7 @@ class TrainingRun {
   void say(const std::string& text) const {
     if (options_.message && comm_.leads()) options_.message(text);
   }
-  void check_same_teacher() const;
+  void check_same_start() const;
   void begin_run();
   /// Of which samples of `bundle` frames are drawn, after `push_steps` bundles of the network's own.
   std::unique_ptr<DataSplit> open(const std::string& name, int64_t bundle, int64_t push_steps) const;
@@ -128,8 +128,11 @@ TrainingRun::TrainingRun(const TrainingOptions& options)
   module_.share_state(comm_);
 }
 
-void TrainingRun::check_same_teacher() const {
+/// The same teacher; other data are said alone, as more or better ones may be meant.
+void TrainingRun::check_same_start() const {
   const RunFacts facts = read_run_facts(options_.run);
+  if (began_with_other_data(facts, train_->hash()))
+    say("WARNING: '" + options_.data + "' is not the data that the run began with, whose normalisation it keeps");
   if (facts.teacher_hash == (teacher_ ? teacher_->hash : "")) return;
   const auto named = [](const std::string& file) { return file.empty() ? "none" : "'" + file + "'"; };
   throw ConfigError("'" + options_.run + "' began with another teacher (" + named(facts.teacher) + ", here " +
@@ -145,16 +148,16 @@ void TrainingRun::begin_run() {
   if (!options_.resume && !options_.from.empty()) starting_weights(options_.from, config_.network());  // throws
   lock_.emplace(lock_run(options_.run));
   if (!options_.resume)
-    create_run(
-        options_.run, config_,
-        {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(), options_.version,
-         options_.threads, comm_.size(), cost_of_start(),
-         options_.from.empty() ? "" : fs::absolute(options_.from).lexically_normal().string(),
-         options_.from.empty() ? "" : file_hash(options_.from),
-         teacher_ ? fs::absolute(teacher_->file).lexically_normal().string() : "", teacher_ ? teacher_->hash : ""},
-        options_.command_line);
+    create_run(options_.run, config_,
+               {fs::absolute(options_.data).lexically_normal(), name_of(options_.device), torch_version(),
+                options_.version, options_.threads, comm_.size(), cost_of_start(),
+                options_.from.empty() ? "" : fs::absolute(options_.from).lexically_normal().string(),
+                options_.from.empty() ? "" : file_hash(options_.from),
+                teacher_ ? fs::absolute(teacher_->file).lexically_normal().string() : "",
+                teacher_ ? teacher_->hash : "", train_->hash()},
+               options_.command_line);
   else
-    check_same_teacher();
+    check_same_start();
   state_.config_hash = config_hash(config_);
   if (options_.resume && config_hash(read_run_config(options_.run)) == state_.config_hash)
     state_.config_hash = run_config_hash(options_.run);

@@ -83,6 +83,10 @@ void roll_out_runs(rom::ReducedModel& model, const CalibrationOptions& options, 
   }
   model.usual = rom::usual_levels(runs);
   model.usual_error = report.errors.empty() ? 0 : *std::max_element(report.errors.begin(), report.errors.end());
+  if (report.diverged > 0) {
+    model.usual_error = std::max(model.usual_error, 1.0);
+    model.interpolation.reset();  // its bound is of the fit, not of what a roll-out makes of it
+  }
   report.seconds = watch.seconds();
 }
 
@@ -101,6 +105,11 @@ void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options
   }
   say(fmt::format("trust: {} training runs rolled out in {:.1f} s, error up to {:.3g} % of the displacement",
                   report.runs, report.seconds, 100 * model.usual_error));
+  if (report.diverged > 0)
+    say(fmt::format(
+        "WARNING: {} of them diverged, which counts as an error of 100 %: no run of this model is to be trusted. Take "
+        "more samples, or other settings (--print-defaults)",
+        report.diverged));
 }
 
 }  // namespace graupel::train

@@ -24,8 +24,8 @@ struct CalibrationReport {
 };
 
 /// Sets model.usual, model.usual_error and, where the runs can be interpolated, model.interpolation. A run that
-/// diverges counts with the frames before. Data of another machine may lack the meshes that its scenes name: then there
-/// is a message, and no verdict on trust.
+/// diverges counts with the frames before and an error of 1, and no bound of interpolation is kept beside it. Data of
+/// another machine may lack the meshes that its scenes name: then there is a message, and no verdict on trust.
 void calibrate_trust(rom::ReducedModel& model, const CalibrationOptions& options, CalibrationReport& report);
 
 }  // namespace graupel::train

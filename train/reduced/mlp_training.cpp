@@ -31,7 +31,7 @@ class MlpTraining {
         report_(report),
         sweep_(options.data, options.config, options.message),
         run_(options, io::write_json(io::json_of_struct(options.config), io::JsonLayout::compact), options.config.seed,
-             stage_names()) {
+             stage_names(), sweep_.snapshots().set().hash()) {
     const SnapshotSet& set = sweep_.snapshots().set();
     report_.snapshots = set.snapshots();
     run_.say(fmt::format("{} runs, {} snapshots of {} particles", set.runs(), set.snapshots(), set.particles()));

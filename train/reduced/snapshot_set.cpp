@@ -6,6 +6,7 @@
 
 #include "core/parallel/parallel_for.h"
 #include "core/system/error.h"
+#include "core/system/fnv1a.h"
 #include "io/scene/scene_reader.h"
 #include "io/trajectory/trajectory_file.h"
 #include "mpm/sampling.h"
@@ -99,6 +100,19 @@ SnapshotSet::SnapshotSet(const std::string& file, const FieldSet& fields) : file
     }
     first_snapshot_.push_back(first_snapshot_.back() + static_cast<int64_t>(header.frame_count()));
   }
+}
+
+std::string SnapshotSet::hash() const {
+  uint64_t sum = fnv_start;
+  const auto add = [&](const auto& values) { sum = fnv1a(sum, values.data(), values.size() * sizeof(values[0])); };
+  add(scene_json_);
+  add(first_snapshot_);
+  add(reference_);
+  for (const SweptParameter& parameter : parameters_) {
+    add(parameter.name);
+    add(parameter.values);
+  }
+  return fmt::format("{:016x}", sum);
 }
 
 std::vector<float> SnapshotSet::read(SnapshotField field, int64_t snapshot) const {

@@ -42,7 +42,9 @@ class SnapshotSet {
   const std::vector<double>& particle_volume() const { return particle_volume_; }  ///< of the reference body [m^3]
   const std::vector<double>& particle_mass() const { return particle_mass_; }      ///< [kg]
   const std::string& scene_json() const { return scene_json_; }                    ///< of the first run
-  double frame_time() const { return frame_time_; }                                ///< [s]
+  /// Fingerprint of the runs: their scene, parameters, lengths and particles.
+  std::string hash() const;
+  double frame_time() const { return frame_time_; }  ///< [s]
   int64_t substeps_per_frame() const { return substeps_per_frame_; }
 
   /// A field in one snapshot, [particles, components].

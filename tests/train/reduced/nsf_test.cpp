@@ -198,6 +198,22 @@ TEST_F(NsfTraining, TrustsWhatItKnowsAndNotAStateThatLeavesIt) {
   EXPECT_EQ(record_of(train_factored(without, none), column(24), 24).verdict(), rom::Verdict::unknown);
 }
 
+TEST_F(NsfTraining, TrustsNoModelWhoseTrainingRunsDiverge) {
+  NsfReport report;
+  rom::ReducedModel model = rom::ReducedModel::load(train_factored(options(), report).store(nn::DType::f32));
+  model.step_factor = 1000;
+  CalibrationReport calibration;
+  std::string said;
+  calibrate_trust(model,
+                  {.file = options().data + "/train.h5", .message = [&](const std::string& text) { said += text; }},
+                  calibration);
+  ASSERT_GT(calibration.diverged, 0);
+  EXPECT_GE(model.usual_error, 1);
+  EXPECT_FALSE(model.interpolation);
+  EXPECT_NE(said.find("of them diverged"), std::string::npos) << said;
+  EXPECT_EQ(rom::ErrorIndicatorRecord(model.usual, 0, model.usual_error).verdict(), rom::Verdict::do_not_trust);
+}
+
 /// In the range (24 to 36 degrees) the bound is little above the error, also with steps that nothing was calibrated at;
 /// far outside of the range it is large.
 TEST_F(NsfTraining, BoundsTheErrorOfRunsThatItHasNotSeen) {

@@ -87,7 +87,7 @@ std::optional<rom::ReducedModel> train_crom(const CromTrainingOptions& options, 
   const BlasThreads one_thread(1);  // products of width 30 are too small to share
   CromSweep sweep(options.data, config);
   StageRun run(options, io::write_json(io::json_of_struct(config), io::JsonLayout::compact), config.seed,
-               {"deformation"});
+               {"deformation"}, sweep.snapshots().set().hash());
   const SnapshotSet& set = sweep.snapshots().set();
   report.snapshots = set.snapshots();
   report.latent_tail = sweep.latent_tail();

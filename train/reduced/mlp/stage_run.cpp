@@ -14,13 +14,17 @@
 namespace graupel::train {
 
 StageRun::StageRun(const StageRunOptions& options, std::string config_text, uint64_t seed,
-                   std::vector<std::string> names)
+                   std::vector<std::string> names, const std::string& data_hash)
     : options_(options), names_(std::move(names)), lock_(lock_run(options_.run)) {
   if (!options_.resume) {
     RunFacts facts = {std::filesystem::absolute(options_.data).lexically_normal(), name_of(options_.device),
                       torch_version(), options_.version, options_.threads};
     facts.time_limit = options_.time_limit;
+    facts.data_hash = data_hash;
     create_run(options_.run, config_text + "\n", facts, options_.command_line);
+  } else if (began_with_other_data(read_run_facts(options_.run), data_hash)) {
+    throw ConfigError("'" + options_.run + "' began with other runs than those of '" + options_.data +
+                      "', whose latents mean something else. Name its data by --data, or start a new run");
   }
   state_.seed = seed;
   state_.config_hash = config_hash(config_text);

@@ -51,9 +51,11 @@ struct StageProgress {
 
 class StageRun {
  public:
-  /// Makes the run folder, or reads the newest checkpoint. `names`: of the stages; `options` must outlive this. Throws
-  /// ConfigError for a folder that holds a run already, or a checkpoint of other settings.
-  StageRun(const StageRunOptions& options, std::string config_text, uint64_t seed, std::vector<std::string> names);
+  /// Makes the run folder, or reads the newest checkpoint. `names`: of the stages; `data_hash`: SnapshotSet::hash();
+  /// `options` must outlive this. Throws ConfigError for a folder that holds a run already, or a checkpoint of other
+  /// settings or data, whose latents mean something else.
+  StageRun(const StageRunOptions& options, std::string config_text, uint64_t seed, std::vector<std::string> names,
+           const std::string& data_hash);
 
   /// Goes on with a stage from where the checkpoint has it, to its end; nothing when it was stopped. Stages are trained
   /// in their order. Throws DivergedError when the loss is no longer a number.
