@@ -55,8 +55,11 @@ TEST(Slurm, TheScriptCarriesEveryWordThroughTheShell) {
   EXPECT_FALSE(script.says("--emit-slurm"));
   const Outcome lines = graupel("generate " + recipe + " --emit-slurm 3 -o 'a\nEND_OF_JOB\nb'");
   EXPECT_TRUE(lines.says("<< 'END_OF_JOB_'\n") && lines.says("\nEND_OF_JOB_\n)")) << lines.output;
-  const Outcome marks = graupel("generate " + recipe + " --emit-slurm 3 -o 'a@COMMAND@b@END@@'");
-  EXPECT_TRUE(marks.says("-o 'a@COMMAND@b@END@@'")) << marks.output;
+  const std::string marked = folder.file("a@COMMAND@b@END@@");
+  std::filesystem::create_directory(marked);
+  const Outcome marks = run_program("/usr/bin/env", "-C " + marked + " " GRAUPEL_BINARY_DIR "/graupel generate " +
+                                                        GRAUPEL_SOURCE_DIR "/" + recipe + " --emit-slurm 3 -o x");
+  EXPECT_TRUE(marks.says("\ncd " + marked + " || exit 1\nexec ${GRAUPEL:-")) << marks.output;
   // Where there is no sbatch the script says so and does nothing.
   const std::string file = folder.write("submit.sh", script.output);
   const Outcome none = run_program("/usr/bin/env", "PATH=" + folder.file("") + " /bin/bash " + file);
