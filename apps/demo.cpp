@@ -5,9 +5,9 @@
 
 #include "apps/verbs.h"
 #include "core/system/error.h"
+#include "core/system/installed_folder.h"
 #include "experiments/comparison/compare_runs.h"
 #include "experiments/process/common_options.h"
-#include "experiments/process/installed_folder.h"
 #include "experiments/process/process.h"
 
 namespace graupel::apps {

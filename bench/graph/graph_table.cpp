@@ -8,6 +8,7 @@
 #include "bench/graph/graph_speed.h"
 #include "bench/machine/roofline.h"
 #include "core/parallel/instruction_set.h"
+#include "core/system/installed_folder.h"
 #include "experiments/process/process.h"
 #include "experiments/process/sibling_program.h"
 #include "io/trajectory/input_files.h"
@@ -120,6 +121,8 @@ Json json_of(const GraphBenchRow& row, double mpm) {
 }  // namespace
 
 void print_graph_table(BenchGraphOptions& options) {
+  options.recipe = or_installed(options.recipe);
+  for (std::string& model : options.models) model = or_installed(model);
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
   std::vector<NamedFile> inputs = {{"the recipe", options.recipe}};

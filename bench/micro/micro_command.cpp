@@ -5,6 +5,7 @@
 #include "bench/commands.h"
 #include "bench/micro/micro.h"
 #include "core/system/atomic_file.h"
+#include "core/system/installed_folder.h"
 #include "io/trajectory/input_files.h"
 
 namespace graupel::bench {
@@ -18,7 +19,9 @@ struct MicroOptions {
   bool no_hgn = false, no_mpm = false;
 };
 
-void run_micro(const MicroOptions& options) {
+void run_micro(MicroOptions options) {
+  options.weights = or_installed(options.weights);
+  options.scene = or_installed(options.scene);
   check_output_file(options.json);
   io::check_inputs_kept({{"the weights", options.weights}, {"the scene", options.scene}}, {{"--json", options.json}});
   set_num_threads(options.threads);

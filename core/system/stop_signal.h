@@ -45,8 +45,8 @@ void give_up_if_stopped();
 /// Exit code after SIGUSR1, by which batch systems tell that the time is nearly over: all is saved, start again to go
 /// on (EX_TEMPFAIL of sysexits.h).
 inline constexpr int start_again_exit_code = 75;
-/// Exit code of a run that has saved its state because of stop_signal(): ExitCode::interrupted after SIGINT and SIGTERM,
-/// start_again_exit_code after SIGUSR1, else 0.
+/// Exit code of a run that has saved its state because of stop_signal(): ExitCode::interrupted after SIGINT and
+/// SIGTERM, start_again_exit_code after SIGUSR1, else 0.
 int saved_exit_code();
 
 }  // namespace graupel

@@ -411,6 +411,10 @@ TEST(Training, RefusesAnUsedFolderAndChangedSettings) {
   EXPECT_THROW(latest_run(folder, Architecture::gns), InputError);
   EXPECT_EQ(read_run_facts(folder + "/run").data, fs::path(tiny_data_set()).lexically_normal());
   EXPECT_THROW(latest_run(folder + "/none", Architecture::hgn), InputError);
+  fs::create_directory(checkpoint_folder(folder + "/run") + "/step-99999999999999999999");  // no step
+  EXPECT_NO_THROW(read_latest_checkpoint(checkpoint_folder(folder + "/run"), {}));
+  write_file_atomically(folder + "/run/run.json", R"({"data": 5})");
+  EXPECT_THROW(read_run_facts(folder + "/run"), InputError);
   EXPECT_THROW(read_run_config(folder), InputError);
   remove_path(folder);
 }

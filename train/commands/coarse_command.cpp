@@ -11,6 +11,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/installed_folder.h"
 #include "core/system/stop_signal.h"
 #include "io/scene/category_reader.h"
 #include "nn/offline_cost.h"
@@ -39,8 +40,9 @@ Json json_of(const Judgement& judged) {
           {"ratio_time", judged.time}};
 }
 
-int train(const Arguments& arguments, const std::string& command_line) {
+int train(Arguments arguments, const std::string& command_line) {
   require_one_process("'graupel train coarse'");
+  arguments.recipe = or_installed(arguments.recipe);
   if (!io::is_category_recipe(arguments.recipe))
     throw ConfigError(
         fmt::format("'{}' is no recipe of categories, which this training draws its scenes from (allowed: a .json with "

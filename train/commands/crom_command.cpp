@@ -37,7 +37,7 @@ int train(ReducedArguments arguments, const std::string& command_line) {
   fill_run_options(arguments, command_line, io::write_json(io::json_of_struct(options.config), io::JsonLayout::compact),
                    log, options);
   CromReport report;
-  catch_stop_signals();
+  catch_stop_signals(StopPolicy::within_a_second);  // but within the training's steps, which saves what it has
   std::optional<rom::ReducedModel> model = train_crom(options, report);
   if (!model) return stopped_run(options, "crom");
   Json facts = {{"snapshots", report.snapshots},

@@ -289,7 +289,8 @@ int train_or_evaluate(NetworkArguments& arguments) {
   if (arguments.slurm_ranks > 0) return print_slurm_script(arguments);
   if (arguments.json == "-") reserve_standard_output();
   set_num_threads(arguments.threads);
-  catch_stop_signals();
+  // A training saves what it has; what comes before its first step is no loss.
+  catch_stop_signals(arguments.evaluate.empty() ? StopPolicy::within_a_second : StopPolicy::at_once);
   if (arguments.evaluate.empty()) return run_training(arguments);
   evaluate_network(arguments);
   return 0;

@@ -65,7 +65,7 @@ int train_networks(const ReducedArguments& arguments, const NsfConfig& config, c
   fill_run_options(arguments, command_line, io::write_json(io::json_of_struct(config), io::JsonLayout::compact), log,
                    options);
   MlpReport report;
-  catch_stop_signals();
+  catch_stop_signals(StopPolicy::within_a_second);  // between the stages, which save what they have
   std::optional<rom::ReducedModel> model = train_mlp(options, report);
   if (!model) return stopped_run(options, "nsf");
   Json facts = {{"snapshots", report.snapshots},

@@ -9,6 +9,7 @@
 #include "core/parallel/device.h"
 #include "core/system/atomic_file.h"
 #include "core/system/command_line.h"
+#include "core/system/stop_signal.h"
 #include "train/commands/network_timing.h"
 #include "train/commands/run_log.h"
 #include "train/commands/run_outputs.h"
@@ -89,7 +90,10 @@ void add_time_command(const Command& app, const std::string& command_line) {
       "them. 'graupel bench graph --libtorch' puts both beside that engine.\n\n"
       "Examples:\n  graupel train time models/hgn.safetensors --data steps.h5\n"
       "  graupel train time models/hgn.safetensors --data steps.h5 --threads 1 --json -");
-  verb.callback([a, command_line] { time_and_print(*a, command_line); });
+  verb.callback([a, command_line] {
+    catch_stop_signals(StopPolicy::at_once);
+    time_and_print(*a, command_line);
+  });
 }
 
 }  // namespace graupel::train

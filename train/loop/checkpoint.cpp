@@ -33,7 +33,7 @@ std::vector<int64_t> steps_in(const std::string& folder) {
   std::vector<int64_t> steps;
   for (const std::string& name : names_in(folder)) {
     const std::string number = name.starts_with(prefix) ? name.substr(5) : "";
-    if (!number.empty() && number.find_first_not_of("0123456789") == std::string::npos)
+    if (!number.empty() && number.size() < 19 && number.find_first_not_of("0123456789") == std::string::npos)
       steps.push_back(std::stoll(number));
   }
   std::sort(steps.begin(), steps.end());

@@ -225,7 +225,7 @@ OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normal
                    samples.data() + last);
   });
   OneStepErrors errors;
-  for (int64_t b = 0; b < batches; ++b) {
+  for (int64_t b = 0; b < batches && !(options.should_stop && options.should_stop()); ++b) {
     const EvaluationBatch prepared = queue.next();
     accumulate(prepared, module.predict(prepared.batch, options.which), features_of(module.config()), normalization,
                errors);
@@ -243,7 +243,7 @@ double evaluate_rollout(const NetworkModule& module, const graph::Normalization&
   }
   double sum = 0;
   int64_t count = 0;
-  for (int64_t t = 1; t <= frames; ++t) {
+  for (int64_t t = 1; t <= frames && !(options.should_stop && options.should_stop()); ++t) {
     const int64_t in_bundle = (t - 1) % features_of(module.config()).bundle;
     if (in_bundle == 0) predict(module, normalization, t, rollouts, options);
     for (std::size_t s = 0; s < rollouts.size(); ++s) {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "train/data/data_set.h"
@@ -47,6 +48,7 @@ struct EvaluationOptions {
   StateArray which = StateArray::ema;
   int64_t batch_scenes = 16;
   int threads = 1;
+  std::function<bool()> should_stop = {};  ///< asked between batches and frames; the errors are then of those before
 };
 
 OneStepErrors evaluate_one_step(const NetworkModule& module, const graph::Normalization& normalization,

@@ -98,20 +98,24 @@ TrainConfig read_run_config(const std::string& folder) {
 RunFacts read_run_facts(const std::string& folder) {
   const std::string file = folder + "/run.json";
   const auto json = nlohmann::json::parse(read_file(file), nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) throw InputError("'" + file + "' is damaged (not a JSON object). Name the data set by --data");
+  if (!json.is_object()) throw InputError("'" + file + "' is damaged (not a JSON object). Start a new run");
   RunFacts facts;
-  facts.data = json.value("data", "");
-  facts.device = json.value("device", "");
-  facts.torch = json.value("torch", "");
-  facts.version = json.value("graupel", "");
-  facts.threads = json.value("threads", 0);
-  facts.ranks = json.value("ranks", 1);
-  facts.data_hash = json.value("data_hash", "");
-  facts.time_limit = json.value("time_limit", 0.0);
-  facts.from = json.value("from", "");
-  facts.from_hash = json.value("from_hash", "");
-  facts.teacher = json.value("teacher", "");
-  facts.teacher_hash = json.value("teacher_hash", "");
+  try {
+    facts.data = json.value("data", "");
+    facts.device = json.value("device", "");
+    facts.torch = json.value("torch", "");
+    facts.version = json.value("graupel", "");
+    facts.threads = json.value("threads", 0);
+    facts.ranks = json.value("ranks", 1);
+    facts.data_hash = json.value("data_hash", "");
+    facts.time_limit = json.value("time_limit", 0.0);
+    facts.from = json.value("from", "");
+    facts.from_hash = json.value("from_hash", "");
+    facts.teacher = json.value("teacher", "");
+    facts.teacher_hash = json.value("teacher_hash", "");
+  } catch (const nlohmann::json::type_error& error) {
+    throw InputError("'" + file + "' is damaged (" + error.what() + "). Start a new run");
+  }
   const auto start = json.find("start_cost");
   facts.start = start == json.end() ? nn::unknown_offline_cost()
                                     : nn::parse_offline_cost(start->dump(), "'" + file + "' (start_cost)");

@@ -10,6 +10,7 @@
 
 #include "core/parallel/hardware.h"
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "graph/features/normalization.h"
 #include "train/data/sampling.h"
 #include "train/loop/checkpoint.h"
@@ -91,7 +92,7 @@ class TrainingRun {
   std::optional<StopReason> stop_reason();
   bool any_rank(bool own);
   EvaluationOptions evaluation() const {
-    return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1)};
+    return {StateArray::ema, config_.batch_scenes, std::max(1, options_.threads - 1), options_.should_stop};
   }
 
   const TrainingOptions& options_;
@@ -283,6 +284,7 @@ std::optional<StopReason> TrainingRun::after_step() {
 }
 
 TrainingResult TrainingRun::execute() {
+  const StopPolicyScope saves_first(StopPolicy::finish);
   start_ = last_report_ = Clock::now();
   const std::unique_ptr<TrainingSteps> steps = make_steps();
   StopReason reason = StopReason::finished;
@@ -372,6 +374,7 @@ void TrainingRun::validate() {
   if (config_.rollout_scenes > 0)
     validation.rollout_mse = evaluate_rollout(module_, normalization_, *valid_, config_.rollout_scenes,
                                               config_.rollout_frames, evaluation());
+  if (options_.should_stop && options_.should_stop()) return;  // it was cut short
   const SquaredErrors all = validation.one_step.all();
   const double error = all.normalized_mse(Predictor::network);
   validation_ = validation;

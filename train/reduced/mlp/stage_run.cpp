@@ -9,6 +9,7 @@
 
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/stop_signal.h"
 #include "train/loop/run_folder.h"
 
 namespace graupel::train {
@@ -66,6 +67,7 @@ std::optional<StageProgress> StageRun::train(int stage, MlpModule& module, MlpBa
   stage_ = stage;
   restore(module);
   if (restored_stage_ <= stage_) {
+    const StopPolicyScope saves_first(StopPolicy::finish);
     const bool finished = go_on(module, batches, plan);
     save(module);
     if (!finished) return std::nullopt;

@@ -1,0 +1,20 @@
+// Where models and scenes are: in a checkout, or where they were installed beside the program.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace graupel {
+
+/// `path` ("models", "scenes/recipes/general.json"), where it is there, seen from here; else ../share/graupel/`path`
+/// beside the program, or that of the sources above a build folder, where that is there; else `path`.
+inline std::string or_installed(const std::string& path) {
+  namespace fs = std::filesystem;
+  if (fs::exists(path)) return path;
+  const fs::path beside = fs::read_symlink("/proc/self/exe").parent_path();
+  for (const fs::path& place : {beside / "../share/graupel", beside / ".."})
+    if (const fs::path there = (place / path).lexically_normal(); fs::exists(there)) return there.string();
+  return path;
+}
+
+}  // namespace graupel
