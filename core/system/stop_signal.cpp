@@ -80,12 +80,13 @@ StopPolicyScope::StopPolicyScope(StopPolicy policy) : before_(policy_now) { set_
 
 StopPolicyScope::~StopPolicyScope() { set_policy(before_); }
 
-void stop_if_interrupted(const std::string& what_now) {
-  if (caught != 0) throw_interrupted(what_now);
+void stop_if_interrupted(const std::string& what_now, AfterStop after) {
+  if (caught != 0) throw_interrupted(what_now, after);
 }
 
-void throw_interrupted(const std::string& what_now) {
-  const ExitCode code = caught == SIGUSR1 ? ExitCode{start_again_exit_code} : ExitCode::interrupted;
+void throw_interrupted(const std::string& what_now, AfterStop after) {
+  const bool start_again = caught == SIGUSR1 && after == AfterStop::goes_on;
+  const ExitCode code = start_again ? ExitCode{start_again_exit_code} : ExitCode::interrupted;
   throw StoppedError(code, "interrupted" + what_now);
 }
 

@@ -36,9 +36,12 @@ class StopPolicyScope {
 struct StoppedError : Error {
   using Error::Error;
 };
-/// Throws StoppedError once a signal came, with the exit code of that signal; `what_now` ends its text.
-void stop_if_interrupted(const std::string& what_now = "");
-[[noreturn]] void throw_interrupted(const std::string& what_now);
+/// Whether the same work goes on from what is kept: only then does SIGUSR1 give start_again_exit_code, or a batch
+/// system would begin it anew for ever.
+enum class AfterStop { begins_anew, goes_on };
+/// Throws StoppedError once a signal came; `what_now` ends its text.
+void stop_if_interrupted(const std::string& what_now = "", AfterStop after = AfterStop::begins_anew);
+[[noreturn]] void throw_interrupted(const std::string& what_now, AfterStop after = AfterStop::begins_anew);
 /// The same for long loops inside of libraries; no effect where the policy is to finish.
 void give_up_if_stopped();
 

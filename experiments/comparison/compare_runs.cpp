@@ -207,6 +207,9 @@ void compare_scenes(const CompareOptions& options, compare::Comparison& comparis
   if (options.one_step_only) check_one_step_only(choices);
   const auto models = load_models(choices, device);
   const auto tasks = read_scene_tasks(options);
+  for (const SceneTask& task : tasks)
+    if (task.stored && task.stored->made_by != "mpm" && !task.stored->made_by.empty())
+      warn(fmt::format("the truth of '{}' was made by '{}', not by MPM", task.source, task.stored->made_by));
   if (!options.floor_file.empty()) {
     const FloorFile known(options.floor_file);  // stale floors are refused before anything long is run
     for (const SceneTask& task : tasks) known.of(task.scene, task.seed, task.frames);

@@ -23,9 +23,27 @@ void check_network(const graph::LearnedSimulator& network, const SceneTask& task
     mpm::network_materials(task.scene, *task.stored, task.stored->frames.front().position, "'" + task.source + "'");
 }
 
+/// A stored truth begins where MPM does, which makes the scene's particles anew.
+void check_start(const SceneTask& task, const mpm::SampledParticles& made) {
+  constexpr double most = 0.01;  // of a cell
+  const ParticleFrame& first = task.stored->frames.front();
+  if (made.position.size() != first.position.size()) return;  // other particles: stored_truth.h
+  for (std::size_t i = 0; i < made.position.size(); ++i) {
+    if (!first.is_active(i) || (!made.birth_time.empty() && made.birth_time[i] > 0)) continue;
+    const double distance = norm(first.position[i].cast<double>() - made.position[i]);
+    if (distance <= most * task.scene.domain.dx) continue;
+    throw InputError(fmt::format(
+        "the stored run does not begin with its scene: particle {} lies {:.3g} m from where the sources put it "
+        "(allowed: {} dx), so MPM would be held against another run. Name one from the scene's start, as 'graupel "
+        "simulate' stores it and 'rollout' without --start truth:N",
+        i, distance, most));
+  }
+}
+
 /// The run that is the truth, or is timed beside it.
 void check_mpm(const SceneTask& task) {
   const mpm::PreparedScene runs_here(task.scene, {.precision = mpm::Precision::f32, .seed = task.seed});
+  if (task.stored) check_start(task, runs_here.particles);
 }
 
 /// The frames of all models but one are let go.

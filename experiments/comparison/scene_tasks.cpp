@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/scene/checks/frame_time_check.h"
 #include "core/scene/recipes/category_recipe.h"
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
@@ -75,6 +76,7 @@ std::vector<SceneTask> read_data_set(const std::string& path, const SceneRange& 
                        "' holds no scene, so its walls and obstacles are unknown. Use a data set made by graupel");
     SceneTask task;
     task.scene = io::parse_stored_scene(trajectory.scene_json, source, path);
+    check_frame_time(trajectory.frame_time, task.scene.frame_time, "'" + source + "'");
     task.category = category_of(task.scene.name);
     task.scene.name = fmt::format("{}#{}", fs::path(path).stem().string(), i);
     task.source = source;

@@ -197,7 +197,7 @@ void DataSet::run_jobs(const std::vector<SceneJob>& jobs) {
     return;  // another run has made them meanwhile, and removed the parts
   }
   if (!jobs.empty()) note_time(watch.seconds());
-  stop_if_interrupted("; run the same command again to go on");
+  stop_if_interrupted("; run the same command again to go on", AfterStop::goes_on);
   if (lost_.empty()) return;
   std::string list;
   for (const std::string& one : lost_) list += "\n  " + one;

@@ -61,6 +61,17 @@ GivenLoad parse_load(const std::string& text) {
   return {{load, numbers[0]}, text};
 }
 
+std::vector<GivenLoad> given_loads(const RolloutOptions& options, double end) {
+  std::vector<GivenLoad> loads;
+  for (const std::string& text : options.loads) {
+    loads.push_back(parse_load(text));
+    if (!(loads.back().load.start < end))
+      throw ConfigError(fmt::format("--load '{}' begins at {} s, and the rollout ends at {:.4g} s. Give more --frames",
+                                    text, loads.back().load.start, end));
+  }
+  return loads;
+}
+
 /// As many of each value as make `count` together.
 void repeat_each(std::vector<int32_t>& values, std::size_t count) {
   std::vector<int32_t> repeated;
@@ -81,6 +92,7 @@ class ReducedRollout {
               .device = device_of_reduced_models(options.common.device)}),
         refined_(options.refine ? std::make_unique<RefinedBody>(loaded, task.scene, task.seed, *options.refine)
                                 : nullptr),
+        loads_(given_loads(options, static_cast<double>(frames_) * scene_.frame_time)),
         writer_(options.output, header_of(task), {.velocity = !refined_}) {
     std::vector<io::NamedValue> values;
     for (std::size_t i = 0; i < run_.parameters().size(); ++i) {
@@ -88,14 +100,6 @@ class ReducedRollout {
       values.push_back({p.name, p.unit, run_.parameters()[i], p.keys});
     }
     writer_.parameters(values);
-    const double end = static_cast<double>(frames_) * scene_.frame_time;
-    for (const std::string& text : options.loads) {
-      loads_.push_back(parse_load(text));
-      if (!(loads_.back().load.start < end))
-        throw ConfigError(
-            fmt::format("--load '{}' begins at {} s, and the rollout ends at {:.4g} s. Give more --frames", text,
-                        loads_.back().load.start, end));
-    }
   }
 
   /// Throws DivergedError once all is written.
@@ -267,10 +271,10 @@ class ReducedRollout {
   const rom::ReducedModel& model_;
   ReducedRun run_;
   std::unique_ptr<RefinedBody> refined_;  ///< where it was asked for
-  io::TrajectoryWriter writer_;
   std::vector<GivenLoad> loads_;
-  int64_t written_ = 0;       ///< frames
-  std::vector<float> trust_;  ///< [frames, 4]
+  io::TrajectoryWriter writer_;  ///< last: what is refused before leaves no file
+  int64_t written_ = 0;          ///< frames
+  std::vector<float> trust_;     ///< [frames, 4]
   rom::ErrorIndicator worst_;
   std::vector<double> seconds_;         ///< of each frame
   std::vector<double> refine_seconds_;  ///< of each frame that was written

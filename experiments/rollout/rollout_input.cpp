@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/scene/checks/frame_time_check.h"
 #include "core/scene/materials_by_type.h"
 #include "core/scene/scripts.h"
 #include "core/system/error.h"
@@ -99,6 +100,10 @@ RolloutStart start_from_trajectory(const RolloutOptions& options, int history, b
     throw InputError(fmt::format("'{}': trajectory {} holds no frames. Name another", options.input, index));
   RolloutStart start;
   start.scene = stored_scene(header, options);
+  const double frame_time = options.set.empty()
+                                ? start.scene.frame_time
+                                : io::parse_stored_scene(header.scene_json, options.input, options.input).frame_time;
+  check_frame_time(header.frame_time, frame_time, fmt::format("'{}': trajectory {}", options.input, index));
   start.particle_type = header.particle_type;
   start.kept_materials = header.materials;
   start.seed = header.seed;

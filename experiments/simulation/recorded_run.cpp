@@ -132,7 +132,8 @@ void RecordedRun::stop(const std::vector<std::byte>* state) {
   }
   save(writer_->checkpoint(), state);
   throw_interrupted(fmt::format("; '{0}' holds the state of frame {1}, go on with 'graupel simulate --resume {0}'",
-                                options_.save_state, frame_));
+                                options_.save_state, frame_),
+                    AfterStop::goes_on);
 }
 
 void RecordedRun::save(const std::vector<ParticleFrame>& recent, const std::vector<std::byte>* bytes) const {

@@ -118,6 +118,11 @@ TEST_F(Stop, BatchSystemsAreToldToStartAgain) {
   ASSERT_TRUE(child.ends_within(soon));
   EXPECT_EQ(child.exit_code(), 75) << child.errors();
   EXPECT_TRUE(std::filesystem::exists(state));
+  Child keeps_nothing(folder_, "simulate " + scene_ + long_frame + " -o " + folder_.file("b.h5"));
+  ASSERT_FALSE(keeps_nothing.ends_within(1)) << keeps_nothing.errors();
+  keeps_nothing.send(SIGUSR1);
+  ASSERT_TRUE(keeps_nothing.ends_within(soon));
+  EXPECT_EQ(keeps_nothing.exit_code(), 130) << keeps_nothing.errors();
 }
 
 }  // namespace

@@ -163,7 +163,7 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
   EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
   EXPECT_EQ(run({"crom", "--resume", out, "--out", folder_ + "/other"}), 2);
   EXPECT_EQ(read_run_facts(out).time_limit, 600);
-  const std::string other = tiny_sweep("other_program_data");
+  const std::string other = affine_sweep("other_program_data", "apic");
   EXPECT_EQ(run({"crom", "--resume", out, "--data", other, "--device", "cpu"}), 2);
   EXPECT_NE(log().find("began with other runs"), std::string::npos) << log();
   remove_path(other);
@@ -285,6 +285,10 @@ TEST_F(Program, AKilledRunGoesOnFromItsLastCheckpoint) {
   EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--out", folder_ + "/other"}), 2);
   EXPECT_EQ(run({"hgn", "--resume", folder_ + "/killed", "--print-defaults"}), 0);
   EXPECT_EQ(config_hash(read_train_config(log(), "defaults")), config_hash(read_run_config(folder_ + "/killed")));
+}
+
+TEST_F(Program, AFullStandardOutputIsAnErrorOfWriting) {
+  EXPECT_EQ(finish(start({"hgn", "--print-defaults"}, "/dev/full")), 5);
 }
 
 TEST_F(Program, RefusesWordsWithoutEffect) {

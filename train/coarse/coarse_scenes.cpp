@@ -11,6 +11,7 @@
 #include "core/math/random.h"
 #include "core/parallel/parallel_tasks.h"
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "mpm/fast_step.h"
 #include "mpm/scene/categories/category_scene.h"
 #include "mpm/scene_variants.h"
@@ -29,12 +30,14 @@ struct BatchRun {
   std::vector<bool> diverged;
 };
 
+constexpr const char* stopped_text = "stopped before the search began";
+
 BatchRun run_batch(const std::vector<mpm::PreparedScene>& scenes, const CoarseSceneOptions& options) {
   BatchRun run{Frames(scenes.size()), std::vector<bool>(scenes.size(), false)};
   if (scenes.empty()) return run;
   const auto batch = mpm::SceneBatch::create(scenes);
   for (int64_t f = 1; f <= options.frames; ++f) {
-    batch->advance_frame();
+    if (!batch->advance_frame(options.should_stop)) throw StoppedError(ExitCode::interrupted, stopped_text);
     if (f % options.stride != 0) continue;
     std::vector<ParticleFrame> frames = batch->frames({});
     for (std::size_t s = 0; s < scenes.size(); ++s) run.positions[s].push_back(std::move(frames[s].position));
@@ -135,7 +138,7 @@ std::vector<CoarseScene> make_coarse_scenes(const CategoryRecipe& recipe, const 
     if (scene.emitters.empty() && scene.sinks.empty() && !scene.has_moving_obstacles()) scenes.push_back(scene);
   }
   const auto stop_if_asked = [&] {
-    if (options.should_stop()) throw Error(ExitCode::interrupted, "stopped before the search began");
+    if (options.should_stop()) throw StoppedError(ExitCode::interrupted, stopped_text);
   };
   const std::size_t n = scenes.size();
   options.message(fmt::format("{} scenes: fine runs", n));

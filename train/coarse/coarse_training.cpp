@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/system/error.h"
+#include "core/system/stop_signal.h"
 #include "core/system/stopwatch.h"
 #include "mpm/scene_variants.h"
 
@@ -184,36 +185,43 @@ CoarseTrainingResult train_coarse(const CoarseTrainingOptions& options) {
   const Stopwatch watch;
   const auto out_of_time = [&] { return watch.seconds() >= 60 * options.minutes || options.should_stop(); };
   const std::vector<const CoarseScene*> teachers = pointers(train);
-  hybrid::CoarseModel current = model;
-  double cost = coarse_cost(current, run_coarse_models({current}, teachers, scenes).front(), teachers, options.target);
-  const std::vector<std::string>& names = hybrid::CoarseModel::parameter_names();
-  double step = options.first_step;
-  for (; result.sweeps < options.sweeps && !out_of_time(); ++result.sweeps, step /= 2) {
-    for (std::size_t p = 0; p < names.size() && !out_of_time(); ++p) {
-      std::vector<hybrid::CoarseModel> candidates(2, current);
-      for (const int side : {0, 1}) {
-        std::vector<double> values = current.parameters();
-        values[p] += (side == 0 ? 1 : -1) * step * (names[p].ends_with("slope") ? slope_step : 1);
-        candidates[static_cast<std::size_t>(side)].set_parameters(values);
+  const auto search = [&] {
+    hybrid::CoarseModel current = model;
+    double cost =
+        coarse_cost(current, run_coarse_models({current}, teachers, scenes).front(), teachers, options.target);
+    const std::vector<std::string>& names = hybrid::CoarseModel::parameter_names();
+    double step = options.first_step;
+    for (; result.sweeps < options.sweeps && !out_of_time(); ++result.sweeps, step /= 2) {
+      for (std::size_t p = 0; p < names.size() && !out_of_time(); ++p) {
+        std::vector<hybrid::CoarseModel> candidates(2, current);
+        for (const int side : {0, 1}) {
+          std::vector<double> values = current.parameters();
+          values[p] += (side == 0 ? 1 : -1) * step * (names[p].ends_with("slope") ? slope_step : 1);
+          candidates[static_cast<std::size_t>(side)].set_parameters(values);
+        }
+        const auto errors = run_coarse_models(candidates, teachers, scenes);
+        for (std::size_t k = 0; k < candidates.size(); ++k) {
+          const double other = coarse_cost(candidates[k], errors[k], teachers, options.target);
+          if (other >= cost - least_gain) continue;
+          options.message(fmt::format("{} {:+.3f}: {:.4f} to {:.4f}, {:.1f} s", names[p],
+                                      candidates[k].parameters()[p] - model.parameters()[p], cost, other,
+                                      watch.seconds()));
+          cost = other;
+          current = candidates[k];
+        }
       }
-      const auto errors = run_coarse_models(candidates, teachers, scenes);
-      for (std::size_t k = 0; k < candidates.size(); ++k) {
-        const double other = coarse_cost(candidates[k], errors[k], teachers, options.target);
-        if (other >= cost - least_gain) continue;
-        options.message(fmt::format("{} {:+.3f}: {:.4f} to {:.4f}, {:.1f} s", names[p],
-                                    candidates[k].parameters()[p] - model.parameters()[p], cost, other,
-                                    watch.seconds()));
-        cost = other;
-        current = candidates[k];
-      }
+      const Judgement judgement = judged(current);
+      options.message(fmt::format("sweep {} with steps of {:.3f}: training {:.4f}, validation {}", result.sweeps + 1,
+                                  step, cost, words(judgement)));
+      if (judgement.cost >= result.after.cost) continue;
+      result.after = judgement;
+      model = current;
+      options.improved(model);
     }
-    const Judgement judgement = judged(current);
-    options.message(fmt::format("sweep {} with steps of {:.3f}: training {:.4f}, validation {}", result.sweeps + 1,
-                                step, cost, words(judgement)));
-    if (judgement.cost >= result.after.cost) continue;
-    result.after = judgement;
-    model = current;
-    options.improved(model);
+  };
+  try {
+    search();
+  } catch (const StoppedError&) {  // within a run; the best model so far is kept
   }
 
   result.seconds = training_watch.seconds();

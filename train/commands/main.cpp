@@ -66,6 +66,12 @@ int main(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "graupel-train: out of memory. %s\n", less_memory);
   } catch (const std::system_error& error) {
+    try {
+      graupel::flush_standard_output();
+    } catch (const graupel::Error& no_output) {  // what fmt could not print
+      std::fprintf(stderr, "graupel-train: %s\n", graupel::message_text(no_output.what()).c_str());
+      return static_cast<int>(no_output.code());
+    }
     const bool no_thread = error.code() == std::errc::resource_unavailable_try_again;
     std::fprintf(stderr, "graupel-train: %s%s\n", error.what(),
                  no_thread ? ". The system starts no more threads. Use --threads 1, or allow more (ulimit -u)" : "");

@@ -13,6 +13,7 @@
 #include "core/system/atomic_file.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/shell_words.h"
 #include "core/system/standard_output.h"
 #include "core/system/stop_signal.h"
 #include "train/commands/run_log.h"
@@ -194,7 +195,8 @@ int run_training(NetworkArguments& arguments) {
   print(fmt::format("{} at step {} after {}: {}", name_of(result.reason), result.step, human_time(result.seconds),
                     result.weights_file));
   if (result.reason == StopReason::finished) return 0;
-  print(fmt::format("Go on with: graupel train {} --resume {}", word_of(arguments.architecture), arguments.out));
+  print(fmt::format("Go on with: graupel train {} --resume {}", word_of(arguments.architecture),
+                    shell_word(arguments.out)));
   return saved_exit_code();
 }
 

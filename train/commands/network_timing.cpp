@@ -54,7 +54,7 @@ NetworkTime time_network(const nn::Weights& weights, const std::string& file, co
   DataSplitOptions split_options;
   split_options.threads = options.threads;
   split_options.materials = features_of(config).material_constants;
-  split_options.check = [&](const DataSplit& opened) { opened.check_fits(config); };
+  split_options.check = [&](const DataSplit& opened) { opened.check_fits(config, weights.file); };
   const DataSplit split(file, split_options);
   const SceneGraph graph = newest_graph(config, graph::read_normalization(weights), split);
 

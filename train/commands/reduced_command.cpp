@@ -9,6 +9,7 @@
 #include "core/parallel/hardware.h"
 #include "core/system/error.h"
 #include "core/system/human_time.h"
+#include "core/system/shell_words.h"
 #include "core/system/stop_signal.h"
 #include "train/commands/run_outputs.h"
 #include "train/loop/run_folder.h"
@@ -79,7 +80,7 @@ void fill_run_options(const ReducedArguments& a, const std::string& command_line
 }
 
 int stopped_run(const StageRunOptions& options, const std::string& verb) {
-  options.message("stopped. Go on with: graupel train " + verb + " --resume " + options.run);
+  options.message("stopped. Go on with: graupel train " + verb + " --resume " + shell_word(options.run));
   return saved_exit_code();
 }
 

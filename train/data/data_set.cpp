@@ -10,6 +10,7 @@
 #include <map>
 #include <mutex>
 
+#include "core/scene/checks/frame_time_check.h"
 #include "core/scene/kinematic_particles.h"
 #include "core/scene/particle_rows.h"
 #include "core/system/error.h"
@@ -159,6 +160,7 @@ void DataSplit::read_headers(const DataSplitOptions& options) {
     const std::string where = "'" + file_ + "': trajectory " + std::to_string(i);
     TrajectoryInfo info;
     info.frames = static_cast<int64_t>(header.frame_count());
+    info.frame_time = header.frame_time;
     if (header.diverged_at_frame >= 0) info.frames = std::min(info.frames, header.diverged_at_frame);
     if (info.frames < 3)
       throw InputError(where + " is too short (" + std::to_string(info.frames) + " usable frames, at least 3)");
@@ -209,6 +211,9 @@ void DataSplit::build_contexts(const DataSplitOptions& options) {
     } catch (const ConfigError& error) {
       throw ConfigError("'" + name + "': " + error.what());
     }
+    for (const std::size_t i : trajectories)
+      check_frame_time(info_[i].frame_time, context->scene.frame_time,
+                       "'" + file_ + "': trajectory " + std::to_string(i));
     const std::lock_guard lock(mutex);
     for (const std::size_t i : trajectories) info_[i].context = context;
     if (options.progress) options.progress("environment", ++done, static_cast<int64_t>(groups.size()));

@@ -47,6 +47,7 @@ struct TrajectoryInfo {
   std::vector<FramesInRun> in_run;      ///< [n]; empty: all particles are always in the run
   graph::ParticleSchedule schedule;     ///< births of the scene's emitters
   int64_t frames = 0;                   ///< usable ones
+  double frame_time = 0;                ///< between those that are stored [s]
   bool tells_presence = false;          ///< the file says which particles are in the run
   bool converted = false;               ///< from the data of another program, which may not say gravity (then 0)
   std::shared_ptr<const SceneContext> context;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/parallel/parallel_for.h"
+#include "core/scene/checks/frame_time_check.h"
 #include "core/system/error.h"
 #include "core/system/fnv1a.h"
 #include "io/scene/scene_reader.h"
@@ -73,6 +74,7 @@ SnapshotSet::SnapshotSet(const std::string& file, const FieldSet& fields) : file
       scene_json_ = header.scene_json;
       if (scene_json_.empty()) throw wrong("lacks its scene");
       const Scene scene = io::parse_stored_scene(scene_json_, file, file);
+      check_frame_time(frame_time_, scene.frame_time, "'" + file + "'");
       if (scene.time_step.policy != StepPolicy::fixed) throw wrong("has no fixed step (time_step.policy)");
       substeps_per_frame_ = scene.time_step.substeps_per_frame;
       const mpm::SampledParticles particles = mpm::sample_sources(scene, header.seed);
