@@ -163,7 +163,8 @@ TEST_F(Program, ATrainingOfADeformationStopsAndGoesOn) {
   EXPECT_EQ(run({"crom", "--resume", out, "--set", "latents=2"}), 2);
   EXPECT_EQ(run({"crom", "--resume", out, "--out", folder_ + "/other"}), 2);
   EXPECT_EQ(read_run_facts(out).time_limit, 600);
-  const std::string other = affine_sweep("other_program_data", "apic");
+  const std::string other = new_sweep_folder("other_program_data");
+  fs::copy_file(data + "/test.h5", other + "/train.h5");
   EXPECT_EQ(run({"crom", "--resume", out, "--data", other, "--device", "cpu"}), 2);
   EXPECT_NE(log().find("began with other runs"), std::string::npos) << log();
   remove_path(other);
