@@ -49,8 +49,9 @@ void check_start(const ReducedModel& model, const mpm::PreparedScene& prepared) 
 
 double step_factor_of(const ReducedModel& model, const std::optional<double>& wanted) {
   const double factor = wanted.value_or(model.step_factor);
-  if (!(factor > 0))
-    throw ConfigError(fmt::format("a time step factor of {} is out of range (above 0). Use 1", factor));
+  constexpr double least = 1e-3;  // a thousand times the steps of the training
+  if (!(factor >= least && std::isfinite(factor)))
+    throw ConfigError(fmt::format("a time step factor of {} is out of range (from {}). Use 1", factor, least));
   return factor;
 }
 

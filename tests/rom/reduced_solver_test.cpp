@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "core/system/error.h"
 #include "tests/apps/falling_model.h"
 
@@ -27,6 +29,11 @@ struct Fall {
     return {model, mpm::PreparedScene(scene, {.seed = scene.seed}), {35}, steps_of(factor, long_steps)};
   }
 };
+
+TEST(LongSteps, AreOfAFactorThatEnds) {
+  for (const double factor : {0.0, -1.0, 1e-9, std::numeric_limits<double>::infinity()})
+    EXPECT_THROW(Fall().solver(factor, LongSteps::kept), ConfigError) << factor;
+}
 
 TEST(LongSteps, FailWhereSamplesMoveOverACell) {
   const Fall fall;

@@ -64,7 +64,8 @@ MetricsLog::MetricsLog(const std::string& folder, std::vector<std::string> colum
   });
   const std::string objects = kept_lines(jsonl_path, [&](const std::string& line) {
     const auto row = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    const int64_t step = row.is_object() ? row.value("step", int64_t{-1}) : -1;
+    const bool tells_step = row.is_object() && row.contains("step") && row.at("step").is_number_integer();
+    const int64_t step = tells_step ? row.at("step").get<int64_t>() : -1;
     if (!is_kept(step)) return false;
     jsonl_rows_.insert(kind_of_row(step, columns_, [&](const std::string& name) { return row.contains(name); }));
     return true;
