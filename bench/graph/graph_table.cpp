@@ -122,7 +122,8 @@ Json json_of(const GraphBenchRow& row, double mpm) {
 
 void print_graph_table(BenchGraphOptions& options) {
   options.recipe = or_installed(options.recipe);
-  for (std::string& model : options.models) model = or_installed(model);
+  for (std::string& model : options.models)
+    if (model.ends_with(".safetensors")) model = or_installed(model);  // "mpm" is a folder of the sources, too
   const Device device = options.common.device == "auto" ? Device::cpu : parse_device(options.common.device);
   options.common.apply();
   std::vector<NamedFile> inputs = {{"the recipe", options.recipe}};

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <system_error>
 
 namespace graupel {
 
@@ -10,10 +11,11 @@ namespace graupel {
 /// beside the program, or that of the sources above a build folder, where that is there; else `path`.
 inline std::string or_installed(const std::string& path) {
   namespace fs = std::filesystem;
-  if (fs::exists(path)) return path;
-  const fs::path beside = fs::read_symlink("/proc/self/exe").parent_path();
+  std::error_code none;  // what cannot be looked at is not there; who reads `path` says why
+  if (fs::exists(path, none)) return path;
+  const fs::path beside = fs::read_symlink("/proc/self/exe", none).parent_path();
   for (const fs::path& place : {beside / "../share/graupel", beside / ".."})
-    if (const fs::path there = (place / path).lexically_normal(); fs::exists(there)) return there.string();
+    if (const fs::path there = (place / path).lexically_normal(); fs::exists(there, none)) return there.string();
   return path;
 }
 

@@ -1,6 +1,7 @@
 // Training of coarse MPM's constants: a short search on tiny scenes lowers the cost of others.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 
 #include "core/system/error.h"
@@ -102,6 +103,18 @@ TEST(CoarseTraining, StopsBeforeTheSearchWhenAsked) {
   CoarseTrainingOptions options = short_search();
   options.should_stop = [] { return true; };
   EXPECT_THROW(train_coarse(options), Error);
+}
+
+TEST(CoarseTraining, KeepsTheBestModelWhereItIsStoppedWithinARun) {
+  CoarseTrainingOptions options = short_search();
+  options.scenes = options.valid_scenes = 2;
+  options.frames = 10;
+  std::atomic<bool> searches = false;
+  options.improved = [&](const hybrid::CoarseModel&) { searches = true; };
+  options.should_stop = [&] { return searches.load(); };
+  const CoarseTrainingResult result = train_coarse(options);
+  EXPECT_EQ(result.sweeps, 0);
+  EXPECT_EQ(result.after.cost, result.before.cost);
 }
 
 TEST(CoarseTraining, ARecipeOfStreamsAloneIsRefused) {

@@ -274,6 +274,19 @@ TEST(Training, StopsCleanlyWhenAskedAndWhenTimeIsOver) {
   remove_path(folder);
 }
 
+TEST(Training, AValidationEndsWhereARunIsStopped) {
+  const std::string folder = test_folder("cut");
+  TrainingOptions options = tiny_options(folder + "/run");
+  options.config.validation_interval = 1;
+  options.should_stop = [] { return true; };
+  const TrainingResult result = train_network(options);
+  EXPECT_EQ(result.reason, StopReason::stopped);
+  EXPECT_EQ(result.step, 1);
+  EXPECT_FALSE(result.validation);
+  EXPECT_TRUE(fs::exists(folder + "/run/checkpoints/step-00000001/state.json"));
+  remove_path(folder);
+}
+
 TEST(Training, DivergenceIsReported) {
   const std::string folder = test_folder("diverge");
   TrainingOptions options = tiny_options(folder + "/run");
